@@ -83,7 +83,7 @@ def command(
     from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import is_photograph
     from mor.output_files import write_files
-    from mor.project.recognition import CameraSettings, begin, begin_test, told_apart
+    from mor.project.recognition import CameraSettings, begin, begin_test, levelled, told_apart
     from mor.project.schema import project_schema
     from mor.project.tables import read_sheets
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
@@ -101,7 +101,7 @@ def command(
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)
         return
-    found = told_apart([part for table in tables for part in _recognised(table)])
+    found = told_apart(levelled([part for table in tables for part in _recognised(table)]))
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")
@@ -131,10 +131,10 @@ def command(
 def _recognised(table: Path) -> list[Found]:
     from mor.errors import InputError, Message
     from mor.formats import FORMATS, format_of
-    from mor.project.recognition import recognise
+    from mor.project.recognition import read_tables
 
     try:
-        return recognise(table)
+        return read_tables(table)
     except InputError:
         key = format_of(table)
         if key is None:

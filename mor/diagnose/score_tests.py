@@ -55,6 +55,8 @@ _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _NAMES = 20_000
 """Names that are tried for the rows of a table in small networks; in large ones as many as there are observations."""
+_LARGEST = {"offset": 0.5, "height": 10.0}
+"""Metres that no prism constant, and no height of an instrument, target or antenna exceeds."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
@@ -73,6 +75,8 @@ class _Candidate(NamedTuple):
     """Name of the parameter and its present value, if it is reported."""
     alike: int = 1
     """How many candidates of the kind were looked through."""
+    ratio: float | None = None
+    """Factor between the observations as they may be meant and as they were read, for a table in another unit."""
 
     @property
     def parameters(self) -> int:
@@ -333,7 +337,9 @@ def _units(number: int, group: ObservationGroup) -> Iterator[_Candidate]:
         for words, ratio in ((name, factor), (" for ".join(reversed(name.split(" for "))), 1.0 / factor)):
             change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
             line = f"observations, {group.name}: units: {words.split()[0]}"
-            yield _Candidate("table unit", (group.name, words), line, ((number, rows, change),), definite=True, alike=6)
+            yield _Candidate(
+                "table unit", (group.name, words), line, ((number, rows, change),), True, alike=6, ratio=ratio
+            )
 
 
 def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
@@ -775,12 +781,18 @@ def _score(
     scaled = rotations.eigvalsh(M / np.outer(size, size))
     if not np.isfinite(M).all() or not squares.all() or scaled[0] <= CONTROLLED:
         return None
+    # Without a scale of its own the network follows the unit: residuals change by the same factor, and say nothing.
+    if one.ratio is not None and abs(M[0, 0] - (1.0 - one.ratio) * g[0]) < 0.1 * one.ratio * abs(g[0]):
+        return None
     if one.definite:
         x = np.ones(1)
         gain = float(2.0 * g[0] - M[0, 0])
     else:
         x = np.asarray(rotations.solve(M, g))
         gain = float(g @ x)
+        name, present = one.amount or ("", 0.0)
+        if abs(present + float(x[0])) > _LARGEST.get(name, np.inf):
+            return None
     if gain <= 0.0:
         return None
     p = log_p_chi2(np.array([gain]), np.array([float(one.parameters)]))

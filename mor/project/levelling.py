@@ -5,19 +5,23 @@ readings back less the mean of those forward. A reading to another point, the he
 new line ends the set-up. Intermediate sights have the mean of the readings back of their set-up.
 
 Instruments number turning points anew in every line. A name that lies inside two lines, or a number that lies inside a
-line and ends another, is therefore one point only if the recorded heights agree.
+line and ends another, is therefore one point only if the recorded heights agree, in lines that meet at one height:
+others may begin at 0. Names as BM 3 or TBM-A are those of benchmarks, which are one point each.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import fmean
 from typing import NamedTuple
 
 SIGMA_KILOMETRE, SIGMA_SET_UP = "1 mm", "0.3 mm"
 """Standard deviations of a height difference over 1 km, and of one set-up without distances: no field book has any."""
-_SAME_HEIGHT = 0.01
+SAME_HEIGHT = 0.01
 """Metres within which recorded heights of a point agree: levelling lines close better than that."""
+_BENCHMARK = re.compile(r"t?bm(?:[^a-z]|[a-z]?\d*$)|bench ?mark", re.IGNORECASE)
 ALONE = "staff readings without a counterpart"
 REPEATED = "staff readings that were repeated"
 
@@ -40,6 +44,10 @@ class LevelledDifference(NamedTuple):
     length: float | None
     line: int
 
+    def with_names(self, names: Mapping[str, str]) -> LevelledDifference:
+        """Return the height difference between points of other names."""
+        return self._replace(start=names.get(self.start, self.start), end=names.get(self.end, self.end))
+
 
 @dataclass
 class LevellingLine:
@@ -50,9 +58,13 @@ class LevellingLine:
     """Intermediate sights."""
     heights: dict[str, float] = field(default_factory=dict)
 
+    def all_differences(self) -> list[LevelledDifference]:
+        """Height differences, those of intermediate sights behind the others."""
+        return [*self.differences, *self.sides]
+
     def inside(self) -> set[str]:
         """Names of points of the line that are neither its first nor its last."""
-        return {name for row in (*self.differences, *self.sides) for name in (row.start, row.end)} - self.ends()
+        return {name for row in self.all_differences() for name in (row.start, row.end)} - self.ends()
 
     def ends(self) -> set[str]:
         """First and last point."""
@@ -130,14 +142,19 @@ class Levelling:
         name = point or self.current
         if self.fore or not self.between:
             self.close()
-        if height is not None:
-            self._line().heights[name] = height
+        self.record(name, height)
 
-    def close_at(self, last: str, benchmark: str) -> None:
-        """End the line: its last point, which bears the number of a turning point, is a benchmark."""
+    def record(self, point: str, height: float | None) -> None:
+        """Record the height of a point that the book has in the open line."""
+        if height is not None:
+            self._line().heights[point] = height
+
+    def close_at(self, last: str, benchmark: str, known: float | None, computed: float | None) -> None:
+        """End the line: its last point is a benchmark if it is a number with the height that is known."""
         self.close()
         rows = self._line().differences
-        if rows and rows[-1].end == last:
+        is_same = known is not None and computed is not None and abs(computed - known) <= SAME_HEIGHT
+        if rows and rows[-1].end == last and last.isdecimal() and is_same:
             rows[-1] = rows[-1]._replace(end=benchmark)
 
     def repeat(self) -> None:
@@ -169,35 +186,59 @@ class Levelling:
     def finish(self) -> tuple[list[LevelledDifference], list[str]]:
         """Height differences of all lines, and the names that were used again for other points."""
         self.close()
-        self.lines = [line for line in self.lines if line.differences or line.sides]
+        names, renamed = self.names_of_lines()
+        found = [
+            row.with_names(own) for line, own in zip(self.lines, names, strict=True) for row in line.all_differences()
+        ]
+        return found, renamed
+
+    def names_of_lines(self) -> tuple[list[dict[str, str]], list[str]]:
+        """Return for each line its points that are others than those of an earlier line, and their old names."""
         ends = set[str]().union(*(line.ends() for line in self.lines))
-        known: dict[str, list[float | None]] = {}
+        systems = self._height_systems()
+        known: dict[str, list[list[tuple[int, float | None]]]] = {}
         renamed: list[str] = []
-        found: list[LevelledDifference] = []
-        for line in self.lines:
+        found: list[dict[str, str]] = []
+        for line, system in zip(self.lines, systems, strict=True):
             names = {}
             for name in sorted(line.inside()):
+                if _BENCHMARK.match(name):
+                    continue
                 height = line.heights.get(name)
-                final = [other.heights[name] for other in self.lines if name in other.ends() and name in other.heights]
+                final: list[tuple[int, float | None]] = [
+                    (its, other.heights[name])
+                    for other, its in zip(self.lines, systems, strict=True)
+                    if name in other.ends() and name in other.heights
+                ]
                 if name in ends and not (name.isdecimal() and height is not None and final):
                     continue
-                places = known.setdefault(name, [*final])
+                places = known.setdefault(name, [final] if final else [])
                 same = [
                     k
-                    for k, other in enumerate(places)
-                    if height is not None and other is not None and abs(height - other) <= _SAME_HEIGHT
+                    for k, place in enumerate(places)
+                    for its, other in place
+                    if its == system and height is not None and other is not None and abs(height - other) <= SAME_HEIGHT
                 ]
                 if not same:
-                    places.append(height)
+                    places.append([(system, height)])
                 number = 1 + (same[0] if same else len(places) - 1)
                 if number > 1:
                     names[name] = f"{name} ({number})"
                     renamed.append(name)
-            found += [
-                row._replace(start=names.get(row.start, row.start), end=names.get(row.end, row.end))
-                for row in (*line.differences, *line.sides)
-            ]
+            found.append(names)
         return found, list(dict.fromkeys(renamed))
+
+    def _height_systems(self) -> list[int]:
+        """Return a number for each line: lines that meet at one height have one, for others may begin at 0."""
+        systems = list(range(len(self.lines)))
+        met: dict[str, list[tuple[int, float]]] = {}
+        for k, line in enumerate(self.lines):
+            for name in line.ends() & line.heights.keys():
+                for other, height in met.setdefault(name, []):
+                    if abs(height - line.heights[name]) <= SAME_HEIGHT:
+                        systems = [systems[other] if its == systems[k] else its for its in systems]
+                met[name].append((k, line.heights[name]))
+        return systems
 
 
 def _difference(back: list[StaffReading], fore: list[StaffReading]) -> LevelledDifference:

@@ -8,8 +8,8 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import combinations, product, takewhile, zip_longest
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import combinations, pairwise, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
 from statistics import median
@@ -20,7 +20,7 @@ import yaml
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
-from mor.project.levelling import ALONE, LevelledDifference, Levelling, StaffReading
+from mor.project.levelling import ALONE, SAME_HEIGHT, Levelling, StaffReading
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
@@ -29,18 +29,18 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 _FROM = (
     "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
-    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
+    "|instrumentenstandpunkt|setup|basepoint|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
     "|estacao|stazione|st|est|punktodstania|stanowisko"
-    "|od|de|desde|da|durulannokta|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
+    "|od|de|desde|da|durulannokta|dn|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
 )
 _TO = (
     "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
-    "|tostation|targetid|targetname"
+    "|tostation|targetid|targetname|tgtpt|tgt"
     "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado"
     "|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
     "|secondpoint|secondpointnumber|ciel|cil"
-    "|do|vers|hacia|hasta|a|bakılannokta|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
+    "|do|vers|hacia|hasta|a|bakılannokta|bn|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
 )
 _POINT = (
     "point|pointid|pt|ptid|pnt|pntid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
@@ -89,7 +89,7 @@ _DISTANCE = (
     "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
-    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|наклонноерасстояние|расстояние|длина"
+    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|kenar|наклонноерасстояние|расстояние|длина"
     "|jarakmiring|jarak"
 )
 _PLAN_DISTANCE = (
@@ -107,11 +107,11 @@ _BEARING = (
     "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
     "|azymut|semt|acıklıkacısı|азимут|дирекционныиугол"
 )
-_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|d"
+_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|kenar|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
     "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|har"
+    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|horangle|har"
     "|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
@@ -139,7 +139,7 @@ _POINTS = {
     "|norte|coordy",
     "z": "z|z0|zo|zaltitude|h|height|wysokosc|yuekseklik|kot|высота|отметка|tinggi|elevasi|elevation|elev|el"
     "|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
-    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz",
+    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz|elevatie|startingelevation|startelevation",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -161,26 +161,36 @@ _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", 
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
 _BACK = (
-    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
+    "back|backsight|bs|ab|achterbaak|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
     "|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
     "|wstecz|odczytwstecz|geri|geriokuma|назад|отсчетназад|belakang|bacaanbelakang"
 )
 _BETWEEN_READINGS = (
-    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
+    "between|is|ifs|zs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
     "|vistaintermedia"
     "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
 )
 _FORE = (
     "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant"
     "|lectureavant|lectav"
-    "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
+    "|vb|voorbaak|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
     "|wprzod|odczytwprzod|ileri|ileriokuma|вперед|отсчетвперед|muka|bacaanmuka"
 )
+_STAFF_HEIGHTS = ("height", "hgt")
+"""Names of the height at which a staff is read, behind the name of the reading."""
+_CODES = {
+    **dict.fromkeys(["b", "bs", "back", "backsight", "rueckblick", "r", "ab"], "back"),
+    **dict.fromkeys(["f", "fs", "fore", "foresight", "vorblick", "v", "vb"], "fore"),
+    **dict.fromkeys(["i", "is", "intermediate", "zwischenblick", "z", "zs"], "between"),
+}
+"""Codes of staff readings in a column of their own; others are those of results."""
 _STAFF_DISTANCES = {
-    "back_distance": "bsdistance|bsdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
+    "back_distance": "bsdistance|bsdist|abdist"
+    "|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
     "|distatras",
-    "fore_distance": "fsdistance|fsdist|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
+    "fore_distance": "fsdistance|fsdist|vbdist"
+    "|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
     "|distadelante",
 }
 
@@ -212,8 +222,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
     ),
     "directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
-        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}"},
+        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r"},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}|md"},
     ),
     "angle": (
         {
@@ -236,20 +246,28 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "levelling": (
         {
             "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
-            "back": _joined(_BACK, *_MIDDLE, "", 1),
-            "fore": _joined(_FORE, *_MIDDLE, "", 1),
+            "back": _joined(_BACK, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "fore": _joined(_FORE, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
         },
         {
             **_SECOND,
-            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE),
+            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE, *_STAFF_HEIGHTS),
             "distance": _LENGTHS,
             **_STAFF_DISTANCES,
             "height": _POINTS["z"],
         },
     ),
+    "levelling by codes": (
+        {
+            "point": f"{_NAMED}|{_POINT}|id",
+            "reading": "height|hoogte|hoehe|reading|staffreading",
+            "code": "meastype|measurementtype|meettype|messtyp|messart",
+        },
+        {"distance": f"{_LENGTHS}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
+    ),
     "vector": (
         {"from": _FROM, "to": _TO, **_VECTOR},
-        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}" for name in _VECTOR}},
+        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}|m{name}" for name in _VECTOR}},
     ),
     "zenith_angle": ({"from": _FROM, "to": f"{_TO}|{_POINT}", "zenith_angle": _ZENITH}, _BETWEEN),
     "bearing": ({"from": _FROM, "to": _TO, "bearing": _BEARING}, _BETWEEN),
@@ -273,8 +291,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
-        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
+        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": f"{_DISTANCE}|s"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}|ms"},
     ),
     "height_difference": (
         {
@@ -286,7 +304,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
-            "length": f"km|lengthkm|l|{_LENGTHS}",
+            "length": f"km|lengthkm|skm|l|{_LENGTHS}",
             "epoch": "epoch|epoche",
         },
     ),
@@ -308,14 +326,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{_POINT}|station|target|p", **_POINTS}, _STATED),
+    "points": ({"id": f"id|{_POINT}|nn|station|target|p", **_POINTS}, _STATED),
     "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
     "points in the plane": (
-        {"id": f"id|{_POINT}|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        {"id": f"id|{_POINT}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
     ),
     "points with heights": (
-        {"id": f"id|{_POINT}", "z": _POINTS["z"]},
+        {"id": f"id|{_POINT}|nn", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
     ),
 }
@@ -362,6 +380,12 @@ _PARTS = tuple(
     )
 )
 """Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
+_CONTROL = re.compile(
+    r"(?:gcp|gcps|(?:fix|fixed|known|given|held|control|kesin|fest|bekannte|gegebene|datum)"
+    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
+    r"|gcp(?:s|id|name|label|no)|idgcp|festpunkte?|passpunkte?)"
+)
+"""Titles of lists of control points, and headings of their names."""
 _TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
 _SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
@@ -396,6 +420,9 @@ _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
+_PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
+_DISTINCT = 12
+"""Different angles that tell d.mmss: as many others have minutes and seconds below 60 once in 200 000 tables."""
 _QUADRANT = re.compile(
     r"(?P<from>[NS])\s*(?P<d>\d+(?:[.,]\d+)?)(?:\s*[-°ºd:\s]\s*(?P<m>\d+(?:[.,]\d+)?))?"
     r"(?:\s*[-'’′m:\s]\s*(?P<s>\d+(?:[.,]\d+)?))?[\s°ºd'’′m\"”″s-]*(?P<to>[EWO])\.?",
@@ -457,11 +484,15 @@ class Found(NamedTuple):
     has_header: bool
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...] = ()
+    """Lines of the file that the rows of a levelling book stand in."""
     sheet: str = ""
     """Sheet of a spreadsheet that has several."""
     tidied: bool = False
     """True if the rows are not those of the file: a copy of them is written."""
     notes: tuple[str, ...] = ()
+    is_control: bool = False
+    """True for points whose coordinates are known: a benchmark, or a list that says so."""
     part: str = ""
     """Kind, if other kinds in the table have readings in other rows."""
 
@@ -494,6 +525,14 @@ class Found(NamedTuple):
 
 
 def recognise(path: Path) -> list[Found]:
+    """Read a table and return what it holds, with height differences for levelling books.
+
+    Raises :class:`InputError` as :func:`read_tables` and :func:`levelled` do.
+    """
+    return levelled(read_tables(path))
+
+
+def read_tables(path: Path) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
     Of several sheets in a spreadsheet those are returned that hold something known. Raises :class:`InputError` if the
@@ -535,31 +574,59 @@ def _with_sheets_apart(tables: list[Found]) -> list[Found]:
 
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
-    delimiter, read, above, encoding = _cells(path, sheet)
-    width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
-    blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
-    blank, more = _first_table(_without_index(blank))
-    tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
+    cells = _cells(path, sheet)
+    width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
+    blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
+    blocks = _blocks(tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank), cells.lines)
+    found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
+    tables, copies = list[Found](), list[str]()
+    for table in (table for tables in found for table in tables):
+        copies.append(table.part)
+        again = copies.count(table.part)
+        tables.append(table._replace(part=f"{table.part}_{again}") if table.part and again > 1 else table)
+    return tables
+
+
+class _Block(NamedTuple):
+    """Rows with one header, their lines in the file, notes on what is not read, and the title above."""
+
+    rows: _Cells
+    lines: tuple[int, ...]
+    notes: tuple[str, ...] = ()
+    title: str = ""
+
+
+def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) -> list[Found]:
+    """Tables of every kind in a block."""
+    tidy, stated = _tidied(_with_whole_angles(block.rows))
     tidy, wires = _with_whole_readings(tidy)
+    tidy, packed = _without_packed_angles(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
     tidy, alone = _with_station(tidy)
-    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + more + wires + zeros + alone
+    is_encoded = cells.encoding in CODE_PAGES
+    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + packed + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
-            tidied=table.tidied or encoding in CODE_PAGES,
+            tidied=table.tidied or is_encoded,
             notes=(*encoded, *notes, *table.notes),
-            part=table.part or (table.kind if len(parts) > 1 else ""),
+            is_control=table.is_control or _is_control(table, block.title),
+            part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
         )
         for rows, notes in parts
-        for table in _tables(path, rows, read, stated, above, delimiter)
+        for table in _tables(path, rows, cells, block.lines, stated)
     ]
 
 
-def _tables(
-    path: Path, rows: _Cells, read: _Cells, stated: Mapping[str, str], above: tuple[str, ...], delimiter: str
-) -> list[Found]:
-    """Tables of every kind in the rows. ``read``: those of the file."""
+def _is_control(table: Found, title: str) -> bool:
+    names = (title, table.columns.get("id", ""))
+    return table.kind == "points" and any(_CONTROL.fullmatch(_normalised(name)) for name in names)
+
+
+def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:
+    """Tables of every kind in the rows. ``lines``: those of the file from the header on."""
+    delimiter, above = cells.delimiter, cells.above
+    line = lines[0] if lines else 1
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and _is_heading(header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -575,7 +642,7 @@ def _tables(
                 "(name, x, y, z) may be without"
             )
         if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
-            raise InputError([Message(words, str(path), 1)])
+            raise InputError([Message(words, str(path), line)])
         rows = _padded(rows)
         header = (*_OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = _named(header)
@@ -587,11 +654,13 @@ def _tables(
             f"found latitudes and longitudes (columns {', '.join(places)}), expected coordinates in metres; in a "
             "project with world: {crs: EPSG:4326} points have columns latitude, longitude, height"
         )
-        raise InputError([Message(words, str(path), 1)])
+        raise InputError([Message(words, str(path), line)])
     if not kinds:
-        raise InputError(
-            [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
-        )
+        known = [_columns_that_are_known(row) for row in rows[:_TITLES]]
+        likely = max(range(len(known)), key=lambda k: (known[k] > 1) * known[k])  # the first row may be a title
+        columns = ", ".join(c for c in map(str.strip, rows[likely]) if c and not _PLACEHOLDER.fullmatch(c))
+        line = lines[max(0, len(lines) - len(rows)) + likely]
+        raise InputError([Message(f"unknown kind of table: found the columns {columns}; {_known()}", str(path), line)])
     body, nameless = rows[has_header:], 0
     if target := next((columns["to"] for kind, columns in kinds.items() if kind in _SIGMA and "to" in columns), ""):
         place = header.index(target)
@@ -621,7 +690,7 @@ def _tables(
     unused = tuple(cell for cell in header if cell and cell not in used and not _PLACEHOLDER.fullmatch(cell))
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
-    found = [
+    return [
         Found(
             path,
             kind.split(" ")[0],
@@ -633,13 +702,13 @@ def _tables(
             has_header,
             header,
             full[kind],
-            tidied=rows != read or bool(notes) or full[kind] != body,
+            lines[len(lines) - len(body) :] if kind.startswith("levelling") else (),
+            tidied=rows != cells.rows or bool(notes) or full[kind] != body,
             part=kind if len({len(part) for part in full.values()}) > 1 else "",
             notes=notes,
         )
         for kind, columns in kinds.items()
     ]
-    return [part for table in found for part in (_levelled(table) if table.kind == "levelling" else (table,))]
 
 
 def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
@@ -786,74 +855,253 @@ def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: 
     )
 
 
-def _levelled(table: Found) -> tuple[Found, ...]:
-    """Height differences of a levelling book, and its benchmark; a second instrument has columns of its own."""
-    table = _with_mean_wires(table)
-    left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
-    found = _height_differences(table, left)
-    if _SECOND.keys() <= table.columns.keys():
-        second = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
-        found += _height_differences(table._replace(columns={**table.columns, **second}), left)
+class _Book(NamedTuple):
+    """A table with levelling books: its lines in ``levelling``, and rows that are not used, by reason."""
+
+    table: Found
+    levelling: Levelling
+    lines: slice
+    second: Levelling
+    """Lines of a second instrument."""
+    left: dict[str, int]
+
+
+class _Heights(NamedTuple):
+    """Heights that books have by point, with their rows, and points that books before have levelled."""
+
+    listed: dict[str, list[tuple[float, _LevelRow]]]
+    reached: set[str]
+
+
+def levelled(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables with height differences and benchmarks for levelling books, each of which is used once.
+
+    A point inside two books is two points unless both have the same height for it: turning points are numbered anew.
+    Raises :class:`InputError` for a book that cannot be read.
+    """
+    joint, read, mistakes = Levelling(), list[Found | _Book](), list[Message]()
+    copies = dict[tuple[tuple[str, str, str], ...], int]()
+    for table in tables:
+        if table.kind != "levelling":
+            read.append(table)
+            continue
+        table = _with_mean_wires(table)
+        # Where each row names both points, a name is that of one point.
+        levelling, second = Levelling() if "to" in table.columns else joint, Levelling()
+        left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
+        try:
+            lines = _add(levelling, table, left)
+        except InputError as error:
+            if not table.sheet:
+                raise
+            mistakes += error.problems
+            continue
+        rows = tuple((r.start, r.end, f"{r.value:.6g}") for ln in levelling.lines[lines] for r in ln.all_differences())
+        again = copies.setdefault(rows, len(read))
+        if rows and again < len(read):
+            del levelling.lines[lines]
+            first = read[again]
+            if isinstance(first, _Book):
+                words = f"{f'{table.path.name} {table.sheet}'.strip()} has the same readings: not used once more"
+                read[again] = first._replace(table=first.table._replace(notes=(*first.table.notes, words)))
+            continue
+        if _SECOND.keys() <= table.columns.keys():
+            names = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
+            _add(second, table._replace(columns={**table.columns, **names}), left)
+        read.append(_Book(table, levelling, lines, second, left))
+    heights = _Heights({}, set())
+    found = [table for one in read for table in (_levelled(one, heights) if isinstance(one, _Book) else (one,))]
+    if not found and mistakes:
+        raise InputError(mistakes)
+    return found
+
+
+def _add(levelling: Levelling, table: Found, left: dict[str, int]) -> slice:
+    """Add the books of a table, and return their lines. ``left`` is counted up."""
+    first, alone = len(levelling.lines), len(levelling.alone)
+    for book in _books(table):
+        levelling.begin()
+        if "code" in table.columns:
+            _add_by_codes(levelling, book, left)
+        else:
+            _add_book(levelling, book, left)
+    levelling.close()
+    if not levelling.lines[-1].all_differences():
+        levelling.lines.pop()
+    left[ALONE] += len(levelling.alone) - alone
+    return slice(first, len(levelling.lines))
+
+
+def _levelled(book: _Book, heights: _Heights) -> tuple[Found, ...]:
+    table, left = book.table, book.left
+    renamed = book.levelling.names_of_lines()[0]
+    own, lines = renamed[book.lines], book.levelling.lines[book.lines]
+    rows = [
+        row.with_names(names)
+        for part in (lines, book.second.lines)
+        for line, names in zip(part, own, strict=False)
+        for row in line.all_differences()
+    ]
+    found = [row for row in rows if row.start != row.end]
+    left[_TO_ITSELF] += len(rows) - len(found)
+    if not found and table.sheet:
+        return ()
     if not found and table.rows:
         raise InputError([Message("no set-up has readings back and forward", str(table.path))])
     names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
-    values = [abs(value) for ours in ("back", "fore") for value in table.numbers(ours)]
-    units = {"dz": table.units.get("back", "mm" if values and median(values) > _STAFF else "")}
+    read = ("back", "fore", "reading")
+    values = [abs(value) for ours in read for value in table.numbers(ours)]
+    unit = next((table.units[name] for name in read if name in table.units), "")
+    units = {"dz": unit or ("mm" if values and median(values) > _STAFF else "")}
     units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
-    lines = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
-    words = f"{counted(len(found), 'height difference')} from the staff readings"
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
-    known = [row for row in rows if row.text("point") and _NUMBER.fullmatch(row.text("height"))]
-    notes, benchmark = (*table.notes, words), tuple[Found, ...]()
+    cells = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
+    notes: tuple[str, ...] = (*table.notes, f"{counted(len(found), 'height difference')} from the staff readings")
+    if len(lines) > 1:
+        notes += (f"{len(lines)} levelling books below each other",)
+    elsewhere = [
+        {names.get(name, name) for name in line.inside() | line.ends()}
+        for line, names in zip(book.levelling.lines, renamed, strict=True)
+    ]
+    everywhere = [name for one in elsewhere for name in one]
+    shared = {name for one in elsewhere[book.lines] for name in one if everywhere.count(name) > 1}
+    if shared:
+        notes += (f"points that several books have are the same points: {', '.join(sorted(shared))}",)
+    if others := sorted({name for one in own for name in one}):
+        notes += (f"points of the same name in other books are other points: {', '.join(others)}",)
     written = table._replace(delimiter=",", decimal_comma=False, has_header=True, tidied=True)
-    if known and known[0].text("point") in {name for row in found for name in (row.start, row.end)}:
-        name, height = known[0].text("point"), known[0].text("height").replace(",", ".")
-        below = counted(len(known) - 1, "height")
-        notes = (*notes, f"the height of {name} is taken over; {below} below not used: they are computed")
-        unit = table.units.get("height")
-        heights = written._replace(
+    measured, benchmark = {name for row in found for name in (row.start, row.end)}, tuple[Found, ...]()
+    known = {name: height for name, height in _benchmarks(table, heights).items() if name in measured}
+    heights.reached.update(measured)
+    suffix = table.part.removeprefix("levelling") if table.part.startswith("levelling") else ""
+    if known:
+        given = [row.height() for row in _level_rows(table) if row.has_height()]
+        below = counted(sum(map(bool, given)) - sum(bool(float(height)) for height in known.values()), "height")
+        notes += (f"the height of {', '.join(known)} is taken over; {below} below not used: they are computed",)
+        unit = table.units.get("height", "")
+        control = written._replace(
             kind="points",
             columns={"id": "id", "z": "z"},
             unused=(),
             units={"z": unit} if unit else {},
             header=("id", "z"),
-            rows=((name, height),),
+            rows=tuple(known.items()),
             notes=(),
-            part=_BENCHMARK,
+            is_control=True,
+            part=f"{_BENCHMARK}{suffix}",
         )
-        benchmark = (heights,)
+        benchmark = (control,)
     differences = written._replace(
         kind="height_difference",
         columns=dict(zip(names, names, strict=True)),
         unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
         units={name: unit for name, unit in units.items() if unit and name in names},
         header=tuple(names),
-        rows=tuple(lines),
+        rows=tuple(cells),
         notes=(*notes, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
-        part="height_difference" if benchmark else "",
+        part=f"height_difference{suffix}" if benchmark or table.part else "",
     )
     return differences, *benchmark
 
 
-def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDifference]:
-    """Height differences: a reading forward ends a set-up, one back begins the next. ``left`` is counted up."""
-    book = Levelling()
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+def _level_rows(table: Found) -> list[_LevelRow]:
+    return [_LevelRow(table, line, cells) for line, cells in zip(table.lines, table.rows, strict=True)]
+
+
+def _books(table: Found) -> list[list[_LevelRow]]:
+    """Rows of levelling books below each other: each has the header again, unless it goes on at the last point."""
+    books, last = [list[_LevelRow]()], ""
+    rows = _level_rows(table)
+    for k, row in enumerate(rows):
+        if _repeats(row.cells, table.header, table.columns.values()):
+            first = next((below for below in rows[k:] if below.has_readings()), None)
+            is_page = first is not None and (
+                first.number("back") is None or first.number("fore") is not None or first.text("point") == last
+            )
+            if not is_page and "to" not in table.columns:
+                books.append([])
+        else:
+            books[-1].append(row)
+            last = (row.text("point") if row.has_readings() else "") or last
+    return books
+
+
+def _benchmarks(table: Found, heights: _Heights) -> dict[str, str]:
+    """First heights in books, by point, that no book before has levelled.
+
+    Raises :class:`InputError` if books begin at one point with two heights.
+    """
+    found = dict[str, str]()
+    tolerance = _DECIMETRE / LENGTH_UNITS.get(table.units.get("height", "m"), 1.0)
+    for book in _books(table):
+        known = [row for row in book if row.has_height()]
+        for row in known[:1]:
+            name, height = row.text("point"), row.height()
+            before = heights.listed.get(name, [])
+            if before and min(abs(height - other) for other, _ in before) > tolerance:
+                other, first = before[0]
+                place = (
+                    f"{first.table.path.name}:{first.row}" if first.table.sheet == table.sheet else first.table.sheet
+                )
+                words = (
+                    f"the books that begin here and in {place} give point {name} the heights {height:g} and {other:g}: "
+                    "put books of different points into files of their own"
+                )
+                raise InputError([Message(words, str(table.path), row.row)])
+            if not before and name not in heights.reached:
+                found[name] = row.text("height").replace(",", ".")
+        for row in known[:1] + [row for row in known[1:] if row.height()]:
+            heights.listed.setdefault(row.text("point"), []).append((row.height(), row))
+    return found
+
+
+def _add_by_codes(levelling: Levelling, rows: Sequence[_LevelRow], left: dict[str, int]) -> None:
+    """Add readings whose side a code says; a row with another code has the result of a set-up."""
+    for row in rows:
+        name, side, value, height = row.text("point"), row.side(), row.number("reading"), row.number("height")
+        if not side and row.text("code") and _DIGIT.search("".join(row.cells)):
+            levelling.result(name, height)
+            continue
+        if not side or value is None:
+            left[_NO_READING] += 1
+            continue
+        reading = StaffReading(name or f"line {row.row}", value, row.number("distance"), row.row)
+        if side == "back":
+            levelling.sight_back(reading)
+        elif side == "fore":
+            levelling.sight_forward(reading)
+        else:
+            levelling.sight_between(reading)
+        levelling.record(name, height)
+
+
+def _add_book(levelling: Levelling, rows: Sequence[_LevelRow], left: dict[str, int]) -> None:
+    """Add a levelling book: a reading forward ends a set-up, one back begins the next."""
     full = [row for row in rows if row.has_readings()]
     left[_NO_READING] += len(rows) - len(full)
-    distances = table.numbers("distance")
+    for row in rows:
+        if row.has_height():
+            levelling.record(row.text("point"), row.height())
+    if _is_read_twice(full):
+        for one, other in zip(full[::2], full[1::2], strict=True):
+            for row in (one, other):
+                back, fore, _, behind, ahead = map(row.number, _READINGS)
+                levelling.sight_back(StaffReading(one.text("point"), back or 0.0, behind, row.row))
+                levelling.sight_forward(StaffReading(other.text("point"), fore or 0.0, ahead, row.row))
+            levelling.close()
+        return
+    distances = [value for row in full if (value := row.number("distance")) is not None]
     is_chainage = distances == sorted(set(distances))
     total = 0.0
     for row, after in zip_longest(full, full[1:]):
         back, fore, between, behind, ahead = map(row.number, _READINGS)
         if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
             behind = ahead = row.number("distance")
-        elif "to" in table.columns and behind is None and ahead is None:
+        elif "to" in row.table.columns and behind is None and ahead is None:
             behind = ahead = (row.number("distance") or 0.0) / 2.0 or None
-        if "to" in table.columns and back is not None and fore is not None:
-            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
-            book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
-            book.close()
+        if "to" in row.table.columns and back is not None and fore is not None:
+            levelling.sight_back(StaffReading(row.text("from"), back, behind, row.row))
+            levelling.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
+            levelling.close()
             continue
         is_last = after is None or (after.number("back") is not None and after.number("fore") is None)
         if is_last and back is not None and fore is not None and isclose(back, total, abs_tol=1e-6):
@@ -862,50 +1110,76 @@ def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDiff
             continue
         total += back or 0.0
         if row is full[0] and back is not None and fore is not None:
-            words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
-            raise InputError([Message(words, str(table.path))])
+            words = "found readings back and forward in the first row; expected a row for each point, first one back"
+            raise InputError([Message(words, str(row.table.path), row.row)])
         name = row.text("point")
         if back is None and after and after.number("fore") is not None and not (after.text("point") == name != ""):
             fore, between = None, fore if between is None else between  # no reading back from this point follows
         if between is not None:
-            book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
+            levelling.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
         if fore is not None:
-            book.sight_forward(StaffReading(name, fore, ahead, row.row))
+            levelling.sight_forward(StaffReading(name, fore, ahead, row.row))
         if back is not None:
-            book.sight_back(StaffReading(name, back, behind, row.row))
-    measured, _ = book.finish()
-    found = [row for row in measured if row.start != row.end]
-    left[ALONE] += len(book.alone)
-    left[_TO_ITSELF] += len(measured) - len(found)
-    return found
+            levelling.sight_back(StaffReading(name, back, behind, row.row))
+
+
+def _is_read_twice(rows: Sequence[_LevelRow]) -> bool:
+    """Return whether rows have the readings of set-ups twice: one row with the point behind, one with that ahead."""
+    read = [(row.number("back"), row.number("fore")) for row in rows]
+    if (
+        len(rows) % 2
+        or not rows
+        or any(back is None or fore is None for back, fore in read)
+        or "to" in rows[0].table.columns
+    ):
+        return False
+    steps = [(back or 0.0) - (fore or 0.0) for back, fore in read]
+    unit = 1000.0 if max(abs(back or 0.0) for back, _ in read) > _STAFF else 1.0
+    names = [row.text("point") for row in rows]
+    return all(one != other for one, other in zip(names[::2], names[1::2], strict=True)) and all(
+        abs(one - other) < SAME_HEIGHT * unit for one, other in zip(steps[::2], steps[1::2], strict=True)
+    )
 
 
 def _with_mean_wires(table: Found) -> Found:
     """One row for each point of a book with three wires in rows below each other: their mean, and the distance.
 
-    The first row of a point names it. The middle wire is the mean of the outer ones, and the distance is 100 times
-    what they differ by.
+    The first row of a point names it; their mean may stand in a row below them. The middle wire is the mean of the
+    outer ones, and the distance is 100 times what they differ by.
     """
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
-    full = [row for row in rows if row.has_readings()]
-    names = [name for name in _READINGS[:3] if name in table.columns]
-    triples = list(zip(full[::3], full[1::3], full[2::3], strict=False))
-    wires = [[[row.number(name) for row in triple] for name in names] for triple in triples]
-    if len(full) % 3 or len(full) < 6 or not all(_are_wires(one) for found in wires for one in found):
+    groups = list[list[_LevelRow]]()
+    for row in _level_rows(table):
+        if row.text("point"):
+            groups.append([])
+        if groups and row.has_readings():
+            groups[-1].append(row)
+    full = [rows for rows in groups if rows]
+    read = [
+        {name: [v for row in rows if (v := row.number(name)) is not None] for name in _READINGS[:3]} for rows in full
+    ]
+    sides = [one for three in read for name, one in three.items() if one and name != "between"]
+    several = [one for one in sides if len(one) > 2]
+    if len(full) < 2 or 2 * len(several) <= len(sides) or 3 * sum(map(_are_wires, several)) <= 2 * len(several):
         return table
-    if any(not first.text("point") or second.text("point") or third.text("point") for first, second, third in triples):
-        return table
-    header, ends = ("point", *names, "back_distance", "fore_distance"), ("back", "fore")
+    # Names without three readings are those of sums and of other words below the book.
+    left = [len(max(three["back"], three["fore"], three["between"], key=len)) < 3 for three in read]
+    words = ", ".join(rows[0].text("point") for rows, is_left in zip(full, left, strict=True) if is_left)
+    full = [rows for rows, is_left in zip(full, left, strict=True) if not is_left]
+    read = [three for three, is_left in zip(read, left, strict=True) if not is_left]
+    # A column between in which no wires stand has intervals.
+    has_between = all(not three["between"] or _are_wires(three["between"]) for three in read)
+    names = [name for name in _READINGS[: 3 if has_between else 2] if name in table.columns]
+    header, ends, off = ("point", *names, "back_distance", "fore_distance"), ("back", "fore"), list[str]()
     means = []
-    for triple, found in zip(triples, wires, strict=True):
-        read = dict(zip(names, ([value for value in one if value is not None] for one in found), strict=True))
-        ahead = read.get("fore") or read.get("between")
-        far = [read.get("back"), ahead]
+    for rows, three in zip(full, read, strict=True):
+        ahead = three["fore"] or (three["between"] if has_between else [])
+        if not all(_are_wires(three[name]) for name in names if three[name]):
+            off.append(f"{rows[0].text('point')} ({rows[0].row})")
         means.append(
             (
-                triple[0].text("point"),
-                *(f"{sum(read[name]) / 3:.9g}" if read[name] else "" for name in names),
-                *(f"{100.0 * (one[0] - one[2]):.9g}" if one else "" for one in far),
+                rows[0].text("point"),
+                *(f"{_of_wires(three[name]):.9g}" if three[name] else "" for name in names),
+                *(f"{100.0 * (one[0] - one[2]):.9g}" if len(one) > 2 else "" for one in (three["back"], ahead)),
             )
         )
     unit = table.units.get(ends[0], "mm" if median(table.numbers(ends[0])) > _STAFF else "")
@@ -915,24 +1189,36 @@ def _with_mean_wires(table: Found) -> Found:
         units=units,
         header=header,
         rows=tuple(means),
+        lines=tuple(rows[0].row for rows in full),
         decimal_comma=False,
         notes=(
             *table.notes,
             f"three wires at {counted(len(means), 'point')}: their mean, and 100 times their interval",
+            *((f"names without three wires left out: {words}",) if words else ()),
+            *(
+                (f"wires that contradict each other, of which the middle one is read, with rows: {', '.join(off)}",)
+                if off
+                else ()
+            ),
         ),
     )
 
 
+def _of_wires(values: Sequence[float]) -> float:
+    return sum(values[:3]) / 3 if _are_wires(values) else values[min(1, len(values) - 1)]
+
+
 def _are_wires(values: Sequence[float | None]) -> bool:
-    """Return whether three readings are those of the upper, middle and lower wire, or none."""
-    upper, middle, lower = values
-    if upper is None or middle is None or lower is None:
-        return upper is middle is lower is None
-    return upper > lower and abs(upper + lower - 2.0 * middle) <= _WIRES * (upper - lower)
+    """Return whether readings are those of the upper, middle and lower wire, perhaps with their mean, or none."""
+    if len(values) not in (3, 4) or None in values[:3]:
+        return not any(values)
+    upper, middle, lower = (value or 0.0 for value in values[:3])
+    mean = values[3] or 0.0 if len(values) > 3 else middle
+    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= _WIRES * (upper - lower)
 
 
 class _LevelRow(NamedTuple):
-    """A row of a levelling book."""
+    """A row of a levelling book, and the line of the file it stands in."""
 
     table: Found
     row: int
@@ -942,6 +1228,18 @@ class _LevelRow(NamedTuple):
         """Cell of a column, empty if it is missing."""
         place = self.table.header.index(self.table.columns[name]) if name in self.table.columns else len(self.cells)
         return self.cells[place].strip() if place < len(self.cells) else ""
+
+    def side(self) -> str:
+        """Name of the reading that a code says, empty if it is that of no reading."""
+        return _CODES.get(_normalised(self.text("code")), "")
+
+    def has_height(self) -> bool:
+        """Return whether the row has a point and a height."""
+        return bool(self.text("point") and _NUMBER.fullmatch(self.text("height")))
+
+    def height(self) -> float:
+        """Height in a row that has one."""
+        return float(self.text("height").replace(",", "."))
 
     def has_readings(self) -> bool:
         """Return whether the row has a reading, and no word in its place as those with checks below a book."""
@@ -955,8 +1253,8 @@ class _LevelRow(NamedTuple):
         if not _DIGIT.search(text):
             return None
         if not _NUMBER.fullmatch(text):
-            words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"
-            raise InputError([Message(words, str(self.table.path))])
+            words = f"column {self.table.columns[name]}: found {text!r}, expected a number"
+            raise InputError([Message(words, str(self.table.path), self.row)])
         return float(text.replace(",", ".")) or None
 
 
@@ -970,29 +1268,75 @@ def _without_index(rows: _Cells) -> _Cells:
     return (header, *(row[1:] for row in below))
 
 
-def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
-    """Rows up to the heading of another table, each column once, angles in one column; and notes on the rest."""
+def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[_Block]:
+    """Return tables beside each other, each with its header in the first row."""
     start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
     if start is None:
-        return rows, ()
-    header, body, notes = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :], list[str]()
+        return [_Block(_without_index(rows), lines)]
+    found, rest, kinds = list[_Block](), list[str](), set[str]()
+    for one, end in _side_by_side(rows, start):
+        cut = [tuple(_cell(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
+        kept = [k for k, row in enumerate(cut) if not end or any(row)]
+        table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
+        kind = next(iter(_kinds(_named(names))), "") if end else "alone"
+        if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
+            kinds.add(kind)
+            above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
+            title = next((cell for cell in above if cell and not _PLACEHOLDER.fullmatch(cell)), "")
+            found.append(_Block(*_first_table(table, tuple(lines[start + k] for k in kept)), title))
+        elif named := [cell for cell in names if cell and not _PLACEHOLDER.fullmatch(cell)]:
+            count = counted(len(table) - 1, "row")
+            rest.append(f"another table stands beside it (columns {', '.join(named)}): {count} not read")
+    return [block._replace(notes=(*block.notes, *rest)) for block in found]
+
+
+def _side_by_side(rows: _Cells, start: int) -> list[tuple[int, int]]:
+    """Columns of tables beside each other: one is named twice, and empty ones or titles above part them; or (0, 0)."""
+    header = [cell.strip() for cell in rows[start]]
+    header = ["" if _PLACEHOLDER.fullmatch(cell) else cell for cell in header]
+    named = [cell for cell in header if cell]
+    if len(set(named)) == len(named):
+        return [(0, 0)]
+    above = [cell.strip() for cell in rows[start - 1]] if start else []
+    titled = [k for k, cell in enumerate(above[: len(header)]) if cell and not _PLACEHOLDER.fullmatch(cell)]
+    empty = [k for k, cell in enumerate(header) if not cell and not any(_cell(row, k) for row in rows[start + 1 :])]
+    edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
+    found = list(pairwise(edges))
+    return found if sum(bool(_kinds(_named(header[one:end]))) for one, end in found) > 1 else [(0, 0)]
+
+
+def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[int, ...], tuple[str, ...]]:
+    """Rows up to the heading of another table, each column once, angles in one column; lines, and notes on the rest."""
+    header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
     kinds = _kinds(_named(header))
     used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
-    again = [k for k, row in enumerate(body) if all(_cell(row, j) == c for j, c in enumerate(header) if c in used)]
+    again = [k for k, row in enumerate(body) if _repeats(row, header, used)]
     bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
-    others = [k for k in bare if k not in again and _fits(body[k])]
+    # A row of headings that begins like the header is that of another table, even of one that is not known.
+    others = [k for k in bare if k not in again and (_fits(body[k]) or _begins_alike(body[k], header))]
     if others:
         names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
         notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
-        body = body[: others[0]]
-    if not any(kind.startswith("levelling") for kind in kinds):  # its rows have numbers
+        body, lines = body[: others[0]], lines[: others[0] + 1]
+    if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
-    header, body = _with_joined_parts(header, body)
+    header, *body_rows = _without_index((header, *body))
+    header, body = _with_joined_parts(header, tuple(body_rows))
     if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
         notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
         keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
         header, body = tuple(header[k] for k in keep), tuple(tuple(_cell(row, k) for k in keep) for row in body)
-    return (*rows[:start], header, *body), tuple(notes)
+    return (header, *body), lines, tuple(notes)
+
+
+def _begins_alike(row: tuple[str, ...], header: tuple[str, ...]) -> bool:
+    first, other = _normalised(_cell(header, 0)), _normalised(_cell(row, 0))
+    return first == other != "" and sum(bool(cell.strip()) for cell in row) > 2
+
+
+def _repeats(row: tuple[str, ...], header: Sequence[str], used: Collection[str]) -> bool:
+    """Return whether a row has the header once more, at least its columns that are used."""
+    return all(_cell(row, k) == cell for k, cell in enumerate(header) if cell in used)
 
 
 def _with_joined_parts(header: tuple[str, ...], body: _Cells) -> tuple[tuple[str, ...], _Cells]:
@@ -1007,6 +1351,10 @@ def _with_joined_parts(header: tuple[str, ...], body: _Cells) -> tuple[tuple[str
             below = tuple((*row[:k], angle, *row[k + 3 :]) for row, angle in zip(body, angles, strict=True))
             return _with_joined_parts((*header[: k + 1], *header[k + 3 :]), below)
     return header, body
+
+
+def _columns_that_are_known(row: Sequence[str]) -> int:
+    return sum(text in _KNOWN for _, text, _ in _named([cell.strip() for cell in row if cell.strip()]))
 
 
 def _is_heading(row: Sequence[str]) -> bool:
@@ -1040,6 +1388,7 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
         return _with_stations(header, body) or rows, stated
     columns: Mapping[str, str] = next(iter(_kinds(named).values()))
     places = [header.index(columns[name]) for name in _STATION if name in columns]
+    body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
     if not start and not stated and not any(empty[1:]):
         return rows, {}
@@ -1054,6 +1403,17 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
             tuple(above[k] if k in places or (k in sets and not cell) else cell for k, cell in enumerate(row))
         )
     return (header, *filled), stated
+
+
+def _without_zeros_below(header: Sequence[str], body: _Cells, columns: Mapping[str, str], places: list[int]) -> _Cells:
+    """Rows without the name 0 of a station if it stands below another one and no sight leads to 0."""
+    targets = [header.index(columns[name]) for name in ("to", "point") if name in columns]
+    if not places or not targets or any(_cell(row, k) == "0" for row in body for k in targets):
+        return body
+    place, first = places[0], next(iter(body), ())
+    if _cell(first, place) in ("", "0"):
+        return body
+    return tuple((*row[:place], "", *row[place + 1 :]) if _cell(row, place) == "0" else row for row in body)
 
 
 def _with_set_ups(
@@ -1175,6 +1535,31 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
             )
             return _with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
     return rows
+
+
+def _without_packed_angles(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows with d-m-s for angles in degrees, minutes and seconds behind one point, as 12.3456; and a note on them.
+
+    Of other angles one in three has minutes and seconds below 60 in this sense.
+    """
+    header, body, notes = tuple(cell.strip() for cell in rows[0]) if rows else (), rows[1:], list[str]()
+    places = {cell for columns in _kinds(_named(header)).values() for name, cell in columns.items() if name in _ANGLES}
+    for k in (k for k, cell in enumerate(header) if cell in places):
+        cells = [_PACKED.fullmatch(_cell(row, k).replace(",", ".")) for row in body]
+        digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
+        long = {text for text in digits if len(text.rstrip("0")) > 2}
+        numbers = [_cell(row, k) for row in body if _NUMBER.fullmatch(_cell(row, k))]
+        if len(long) < _DISTINCT or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
+            continue
+        texts = []
+        for row, match in zip(body, cells, strict=True):
+            rest = (match["rest"] or "").ljust(4, "0") if match else ""
+            seconds = f"{rest[2:4]}.{rest[4:]}".rstrip(".")
+            texts.append(f"{match['whole']}-{rest[:2]}-{seconds}" if match else _cell(row, k))
+        rows = _replaced(rows, k, header[k], texts)
+        body = rows[1:]
+        notes.append(f"column {header[k]!r}: degrees, minutes and seconds as d.mmss")
+    return rows, tuple(notes)
 
 
 def _is_sexagesimal(cells: Sequence[str]) -> bool:
@@ -1329,14 +1714,26 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
-    """Delimiter, cells without comments and empty lines, cells of a comment that may be the header, and encoding."""
+class _File(NamedTuple):
+    """Rows of a file without comments and empty lines."""
+
+    delimiter: str
+    rows: _Cells
+    lines: tuple[int, ...]
+    above: tuple[str, ...]
+    """Cells of a comment that may be the header."""
+    encoding: str
+
+
+def _cells(path: Path, sheet: str | None) -> _File:
     if is_spreadsheet(path):
-        return ",", tuple(map(tuple, sheet_rows(path, sheet))), (), ""
+        numbers, cells = sheet_rows(path, sheet)
+        return _File(",", tuple(map(tuple, cells)), tuple(numbers), (), "")
     text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
-    lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
+    numbered = [(k, ln) for k, ln in enumerate(text.split("\n"), start=1) if ln.strip() and not ln.startswith("#")]
+    lines = [line for _, line in numbered]
     comments = [
         line.strip().removeprefix("#") for line in takewhile(lambda line: line.startswith("#"), text.split("\n"))
     ]
@@ -1344,16 +1741,16 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
     delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
-    lines = _spaced(lines, delimiter)
+    reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:
-        cells = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+        found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if row]
         heads = [
             tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
         ]
-        above = next((head for head in reversed(heads) if cells and len(head) == len(cells[0])), ())
-        return delimiter, cells, above, encoding
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
+    above = next((head for head in reversed(heads) if found and len(head) == len(found[0][1])), ())
+    return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding)
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
@@ -1455,12 +1852,15 @@ def _shared(columns: Mapping[str, str], cell: str) -> bool:
 def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
     """Columns of a kind by their names in a project; ``None`` if one that it must have is missing."""
     required, optional = KINDS[kind]
+    cells = dict[str, list[str]]()
+    for cell, text, _ in named:
+        cells.setdefault(text, []).append(cell)
     columns: dict[str, str] = {}
     for ours, others in (*required.items(), *optional.items()):
         for name in dict.fromkeys((_normalised(ours), *filter(None, others.split("|")))):
-            cell = next((cell for cell, text, _ in named if text == name and cell not in columns.values()), None)
-            if cell is not None:
-                columns[ours] = cell
+            free = [cell for cell in cells.get(name, ()) if cell not in columns.values()]
+            if free:
+                columns[ours] = free[0]
                 break
         else:
             if ours in required:
@@ -1548,11 +1948,12 @@ def begin(
 
     ``units``: length and angle; if that of angles is empty, zenith angles or coordinates may tell it.
     """
-    listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
-    tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
+    listed = {
+        name for t in tables if t.kind == "points" and not t.part.startswith(_BENCHMARK) for name in t.texts("id")
+    }
+    tables = [t for t in tables if not t.part.startswith(_BENCHMARK) or listed.isdisjoint(t.texts("id"))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
-    held = {t.path for t in by_kind["points"] if datum == "fixed" and t.part == _BENCHMARK}
     texts: dict[Path, str] = {}
     for table in tables:
         if table.tidied:
@@ -1584,7 +1985,7 @@ def begin(
         "angle_guessed": guessed is not None,
         "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
-        "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
+        "camera": _camera(camera, corner, seen) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(
             target, "points", _names(measured, PLACES), [*by_kind["points"], *by_kind["stations"]], texts
@@ -1594,7 +1995,10 @@ def begin(
         "levelled": levelled,
         "plane": is_plane,
         **{
-            kind: [_entry(target, table, corner, levelled, table.path in held) for table in found]
+            kind: [
+                _entry(target, table, corner, levelled, table.is_control and not table.has_sigma and datum == "fixed")
+                for table in found
+            ]
             for kind, found in by_kind.items()
         },
     }
@@ -1649,8 +2053,8 @@ def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
     return {target: _rendered(f"{protocol}.yaml.j2", content), target.with_name(table): f"{header}\n{rows}"}
 
 
-def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:
-    width, height = settings.size or ((6000, 4000) if corner else (None, None))
+def _camera(settings: CameraSettings, corner: bool, seen: Sequence[Found]) -> dict[str, Any]:
+    width, height = settings.size or (_format(seen) if corner else (None, None))
     return {
         "name": settings.name,
         "constant": settings.constant or 28,
@@ -1662,6 +2066,15 @@ def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:
         "sure": settings.size is not None,
         "corner": corner,
     }
+
+
+def _format(seen: Sequence[Found]) -> tuple[int, int]:
+    """Width and height of a format 3 : 2 that holds the image points."""
+    values = (
+        value / size for table in seen for axis, size in (("x", 1500), ("y", 1000)) for value in table.numbers(axis)
+    )
+    times = max(4, math.ceil(max(values, default=0.0)))
+    return 1500 * times, 1000 * times
 
 
 def _from_a_corner(table: Found) -> bool:
@@ -1727,7 +2140,7 @@ def _traversed(table: Found) -> Iterator[float]:
 
 def _exchanged(points: Iterable[Found]) -> str:
     """Axes of coordinates that fit angles in the other sense: x leads north if the columns do not say otherwise."""
-    named = {_normalised(table.columns.get("x", "")) for table in points}
+    named = {_name_and_unit(table.columns.get("x", ""))[0] for table in points}
     return "{xy: ne}" if named <= {"x", "x0", "xo", "xcoord", "xcoordinate", "coordx"} else "{angles: counterclockwise}"
 
 

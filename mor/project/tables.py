@@ -360,7 +360,7 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     ``sheet`` is needed if several sheets hold something. Raises :class:`InputError` if the file cannot be read, if the
     sheet is missing or not named, and if python-calamine (extra ``formats``) is not installed.
     """
-    header, *rows = sheet_rows(path, sheet)
+    _, (header, *rows) = sheet_rows(path, sheet)
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
@@ -368,8 +368,8 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
 
 
-def sheet_rows(path: Path, sheet: str | None) -> list[list[str]]:
-    """Return the names of the columns of a sheet, then its rows; names may be given twice."""
+def sheet_rows(path: Path, sheet: str | None) -> tuple[list[int], list[list[str]]]:
+    """Return numbers of rows, and their cells: the names of the columns, perhaps given twice, then the rows."""
     sheets = read_sheets(path)
     filled = [name for name, rows in sheets.items() if rows]
     if sheet is not None and sheet not in sheets:
@@ -378,13 +378,14 @@ def sheet_rows(path: Path, sheet: str | None) -> list[list[str]]:
     if sheet is None and len(filled) != 1:
         words = f"found {len(filled)} sheets with content ({', '.join(filled)}), expected one; set sheet: NAME"
         raise InputError([Message(words, str(path))])
-    rows = [[_text(cell) for cell in row] for row in sheets[sheet or filled[0]] if any(cell != "" for cell in row)]
-    if not rows:
+    numbered = [(k, row) for k, row in enumerate(sheets[sheet or filled[0]], 1) if any(cell != "" for cell in row)]
+    if not numbered:
         raise InputError([Message("the table is empty", str(path))])
+    numbers, rows = [k for k, _ in numbered], [[_text(cell) for cell in row] for _, row in numbered]
     titles = next((k for k, row in enumerate(rows) if sum(map(bool, row)) > 1), 0)
     if not any(cell.replace(".", "").removeprefix("-").isdigit() for cell in rows[titles]):
-        rows = rows[titles:]
-    return [[name or f"column{k + 1}" for k, name in enumerate(rows[0])], *rows[1:]]
+        numbers, rows = numbers[titles:], rows[titles:]
+    return numbers, [[name or f"column{k + 1}" for k, name in enumerate(rows[0])], *rows[1:]]
 
 
 def read_sheets(path: Path) -> Mapping[str, Sequence[Sequence[object]]]:
@@ -399,7 +400,11 @@ def read_sheets(path: Path) -> Mapping[str, Sequence[Sequence[object]]]:
     note_file(path)
     try:
         book = python_calamine.CalamineWorkbook.from_path(str(path))
-        return {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+        sheets = {name: book.get_sheet_by_name(name) for name in book.sheet_names}
+        above = {name: sheet.start[0] if sheet.start else 0 for name, sheet in sheets.items()}
+        return {
+            name: [*[[]] * above[name], *sheet.to_python()] if sheet.start else [] for name, sheet in sheets.items()
+        }
     except (python_calamine.CalamineError, OSError) as error:
         raise InputError([Message(f"this file cannot be read: {error}", str(path))]) from None
 
@@ -409,7 +414,7 @@ def _text(cell: object) -> str:
     if isinstance(cell, bool):
         return str(cell).lower()
     if isinstance(cell, float):
-        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else np.format_float_positional(cell, trim="-")
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
     return str(cell).strip()

@@ -11,6 +11,7 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.coordinates import can_be_at_infinity, target_slot
+from mor.model.images import is_image_point
 from mor.model.parameters import move
 from mor.project.rows import rows_of_points
 from mor.quality.precision import (
@@ -38,6 +39,7 @@ from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.normals import image_of, objective
 from mor.solve.problem import evaluated
 from mor.types import BoolArray, FloatArray, IntArray
+from mor.units import LENGTH
 
 # ---- From an adjustment to its quality: everything a report says about trust.
 
@@ -302,18 +304,31 @@ def _has_direction(quality: Quality, block: int, size: float, factor: float) -> 
 def median_distance(adjustment: Adjustment) -> float:
     """Return the median distance of points from their median; 0 if it says nothing about the size of the network.
 
-    Heights of points without plan coordinates are such a case: their differences may be smaller than their σ.
+    Heights of points without plan coordinates are such a case: their differences may be smaller than their σ. If most
+    points coincide to the σ of lengths, as those of several sights to one target, it is that of the others.
     """
     if "point" not in adjustment.values:
         return 0.0
     observed = _observed(adjustment)
     if np.count_nonzero(np.ptp(adjustment.values["point"][observed], axis=0) > 0.0) < 2:
         return 0.0
-    return float(np.median(_distances(adjustment)[observed]))
+    distances = _distances(adjustment)[observed]
+    apart = distances[distances > _least_sigma_of_lengths(adjustment)]
+    return float(np.median(apart if 0 < 2 * len(apart) < len(distances) else distances))
+
+
+def _least_sigma_of_lengths(adjustment: Adjustment) -> float:
+    lengths = [
+        group.sigma[:, k][group.mask[:, k] & ~group.left_out[:, k]]
+        for group in adjustment.problem.groups
+        for k, component in enumerate(group.type.components)
+        if component.quantity == LENGTH and not is_image_point(group.type)
+    ]
+    return min((float(sigma.min()) for sigma in lengths if len(sigma)), default=0.0)
 
 
 def points_far_off(adjustment: Adjustment) -> IntArray:
-    """Numbers (k,) of the points that are farther from the others than the size of the network."""
+    """Return numbers (k,) of the points that are farther from the others than the size of the network."""
     far = _distances(adjustment) > _BEYOND_MEDIAN * median_distance(adjustment)
     return np.asarray(np.flatnonzero(far & _observed(adjustment)))
 

@@ -949,7 +949,7 @@ def with_nearer_datum(network: Network, adjustment: Adjustment, far: IntArray) -
     if nearer.datum.mask[own].any():
         return None
     note = Message(
-        f"{counted(len(own), 'point')} do not carry the datum, being farther from the others than 10 times the median "
+        f"{counted(len(own), 'point')} left out of the datum, being farther from the others than 10 times the median "
         "distance of points"
     )
     return replace(nearer, notes=(*network.notes, note))

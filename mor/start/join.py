@@ -9,10 +9,12 @@ import numpy as np
 
 from mor.errors import CONTRADICTED, UndeterminedObject
 from mor.model import rotations
+from mor.model.contract import ObservationType
 from mor.model.coordinates import target_slot
 from mor.model.parameters import Blocks
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
 from mor.model.shapes import SHAPE_TYPES
+from mor.model.terrestrial import HEIGHT_DIFFERENCE
 from mor.project.entities import thing_of
 from mor.project.network import Network
 from mor.project.shapes import Held, fit_shape
@@ -654,6 +656,7 @@ _REASONS = {
     "pair": "one of its two images could not be oriented",
 }
 """Why things stay without start values."""
+_LEVELLED = "no height difference ties it to a point with a height"
 _ENOUGH = {"image": 4, "station": 2}
 """Points of known place that an image or a set needs to see for its attitude."""
 
@@ -667,9 +670,11 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
         if not lost.any():
             continue
         rows = _rows_of(network, kind)
+        levelled = _rows_of(network, kind, HEIGHT_DIFFERENCE)
         for number in np.flatnonzero(lost).tolist():
             thing = thing_of(kind, network.blocks[kind].ids[number])
             reason = _REASONS.get(thing[0], "no start value is given")
+            reason = _LEVELLED if levelled[number] == rows[number] else reason
             reason = CONTRADICTED if thing in contradicted else reason
             reason = reason if rows[number] else "no observation refers to it"
             found.setdefault(thing, UndeterminedObject(*thing, reason, "", int(rows[number])))
@@ -701,10 +706,12 @@ def _contradicted(network: Network, start: Mapping[str, FloatArray]) -> set[tupl
     return things
 
 
-def _rows_of(network: Network, kind: str) -> IntArray:
-    """(n,) rows of observations that refer to each block of a kind."""
+def _rows_of(network: Network, kind: str, only: ObservationType | None = None) -> IntArray:
+    """(n,) rows of observations, perhaps of one type, that refer to each block of a kind."""
     rows = np.zeros(len(network.blocks[kind].ids), dtype=np.int64)
     for group in network.groups:
+        if only is not None and group.type is not only:
+            continue
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind == kind:
                 rows += np.bincount(numbers, minlength=len(rows))

@@ -394,8 +394,8 @@ def test_two_lines_with_sums_in_one_levelling_book(tmp_path: Path) -> None:
         ("M", "T", "0.5"),
         ("T", "N", "0.5"),
         ("N", "M", "-1"),
-        ("N", "line 10", "-0.25"),
-        ("N", "line 11", "-0.5"),
+        ("N", "line 11", "-0.25"),
+        ("N", "line 12", "-0.5"),
     }
     assert "sums of the readings: 1 row" in table.notes
     assert (benchmark.kind, benchmark.rows) == ("points", (("M", "100"),))
@@ -447,6 +447,142 @@ def test_a_field_book_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[
     )
 
 
+def test_staff_readings_whose_side_a_code_says(tmp_path: Path) -> None:
+    """Each reading has a row, results have codes of their own, and each part of the list begins with its header."""
+    head = "No\tPtNo\tHeight\tDistance\tMeas_Type\tElevation\n\t\t[m]\t[m]\t\t[m]\n"
+    text = (
+        f"Levelling list\n\nBFFB\n{head}"
+        "1\tA\t1.5000\t20\tB\t10.0000\n2\tP\t1.2000\t22\tF\t0.0000\n3\tP\t1.2010\t24\tF\t0.0000\n"
+        "4\tA\t1.4990\t22\tB\t0.0000\n5\tP\t1.2005\t23\tBFFB-mean\t10.2990\n\n"
+        f"BF\n{head}6\tP\t1.1000\t30\tB\t10.2990\n7\tK\t1.3000\t12\tI\t10.0990\n8\tQ\t1.6000\t31\tF\t9.7990\n"
+    )
+    (tmp_path / "t.txt").write_bytes(text.encode("utf-16"))
+    differences, benchmark = recognise(tmp_path / "t.txt")
+    assert differences.rows == (("A", "P", "0.299", "44"), ("P", "Q", "-0.5", "61"), ("P", "K", "-0.2", "42"))
+    assert (benchmark.rows, benchmark.is_control) == ((("A", "10.0000"),), True)
+    assert "points that several books have are the same points: P" in differences.notes
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.txt")]) == 0
+    assert run(["adjust", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    assert pl.read_csv(tmp_path / "r" / "points.csv").filter(id="Q")["z"][0] == pytest.approx(9.799, abs=1e-6)
+
+
+def test_set_ups_that_were_read_twice_have_two_rows(tmp_path: Path) -> None:
+    """The first row of a set-up names the point behind, the second one that ahead; a row with the mean follows."""
+    text = (
+        "Fieldbook\nUnits;[m]\nBFFB\nPtID;BS_Height;IS_Height;FS_Height;dH;Mean_dH;Elevation;BS_Dist;IS_Dist;FS_Dist\n"
+        "A;1.500;;1.200;0.300;;10.5;20;;22\nP;1.499;;1.201;0.298;;;22;;24\nP;;;;;0.299;10.799;;;\n"
+        "P;1.100;;1.600;-0.500;;10.799;30;;31\nA;1.102;;1.600;-0.498;;;30;;31\nA;;;;;-0.499;10.3;;;\n"
+    )
+    differences, benchmark = recognise(_as_spreadsheet(tmp_path / "t.csv", text))
+    assert differences.rows == (("A", "P", "0.299", "44"), ("P", "A", "-0.499", "61"))
+    assert benchmark.rows == (("A", "10.5"),)
+
+
+def test_levelling_books_below_each_other(tmp_path: Path) -> None:
+    """A turning point of the same name is another point, a benchmark is not; a page goes on with its last point."""
+    head = "Start elevation,Point,FS,BS\n"
+    text = f"Book 1\n{head}100,A,,1.5\n,T,1.0,\n{head},T,,1.2\n,B,1.4,\nBook 2\n{head}90,C,,1.0\n,T,0.5,2.0\n,B,0.7,\n"
+    (tmp_path / "t.csv").write_text(text)
+    differences, benchmark = recognise(tmp_path / "t.csv")
+    assert [row[:3] for row in differences.rows] == [
+        ("A", "T", "0.5"),
+        ("T", "B", "-0.2"),
+        ("C", "T (2)", "0.5"),
+        ("T (2)", "B", "1.3"),
+    ]
+    assert benchmark.rows == (("A", "100"), ("C", "90"))
+    assert "points of the same name in other books are other points: T" in differences.notes
+    (tmp_path / "t.csv").write_text(text.replace("90,C", "90,A"))
+    with pytest.raises(
+        InputError, match=r"t.csv:10: the books that begin here and in t.csv:3 give point A the heights"
+    ):
+        recognise(tmp_path / "t.csv")
+
+
+def test_three_wires_with_their_mean_and_intervals_in_two_sheets(tmp_path: Path) -> None:
+    """Turning points of both runs are different ones; a third sheet has the first run again; one wire is wrong."""
+    there = (
+        "Point;BS;INT;FS;INT\nBM A;1,5;;;\n;1,4;0,1;;\n;1,3;0,1;;\n;1,4;20;;\n;;20;;\nT1;1,6;;1,2;\n;1,5;0,1;1,1;0,1\n"
+        ";1,4;0,1;1,0;0,1\n;1,5;20;1,1;20\nB;;;1,9;\n;;;1,8;0,1\n;;;1,6;0,2\nSum;2,9;;2,9;\n"
+    )
+    back = (
+        "Point;BS;INT;FS;INT\nB;1,9;;;\n;1,8;;;\n;1,7;;;\nT1;1,5;;1,3;\n;1,4;;1,2;\n;1,3;;1,1;\n"
+        "BM A;1,5;;1,8;\n;1,4;;1,7;\n;1,3;;1,6;\nC;;;1,4;\n;;;1,3;\n;;;1,2;\n"
+    )
+    first, second = recognise(_as_spreadsheet(tmp_path / "t.csv", there, back, there))
+    assert first.rows == (("BM A", "T1", "0.3", "40"), ("T1", "B", "-0.3", "50"))
+    assert second.rows == (("B", "T1 (2)", "0.6", "40"), ("T1 (2)", "BM A", "-0.3", "40"), ("BM A", "C", "0.1", "40"))
+    assert "wires that contradict each other, of which the middle one is read, with rows: B (11)" in first.notes
+    assert "names without three wires left out: Sum" in first.notes
+    assert "t.xlsx U has the same readings: not used once more" in first.notes
+
+
+def test_a_levelling_book_there_and_back_beside_each_other(tmp_path: Path) -> None:
+    """Each is read; the height that the second one begins with is a result of the first one."""
+    text = (
+        "PV;Vista (+);Vista (-);Cota;;PV;Vista (+);Vista (-);Cota\nBM1;1,5;;100;;BM2;1,0;;100,3\n"
+        "P;1,4;1,1;100,4;;P;1,3;0,9;100,4\nBM2;;1,5;100,3;;BM1;;1,7;100\n"
+    )
+    there, benchmark, back = recognise(_as_spreadsheet(tmp_path / "t.csv", text))
+    assert there.rows == (("BM1", "P", "0.4"), ("P", "BM2", "-0.1"))
+    assert back.rows == (("BM2", "P", "0.1"), ("P", "BM1", "-0.4"))
+    assert benchmark.rows == (("BM1", "100"),)
+    assert len({table.copy(tmp_path / "p.yaml") for table in (there, benchmark, back)}) == 3
+
+
+def test_a_table_below_that_begins_alike_is_another_one(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text(
+        "    Sta   bsU   bsM   bsL   fsU   fsM   fsL\n0     A 1.500 1.400 1.300   NaN   NaN   NaN\n"
+        "1     T 1.600 1.500 1.400 1.200 1.100 1.000\n2     B   NaN   NaN   NaN 1.900 1.800 1.700\n"
+        "    Sta  bsMean fsMean  Height\n0     A   1.400    NaN   0.000\n1     T   1.500  1.100   0.300\n"
+    )
+    (table,) = recognise(tmp_path / "t.txt")
+    assert table.rows == (("A", "T", "0.3", "40"), ("T", "B", "-0.3", "40"))
+    assert "another table begins below (columns Sta, bsMean, fsMean, Height): 3 rows not read" in table.notes
+
+
+def test_angles_whose_digits_are_degrees_minutes_and_seconds(tmp_path: Path) -> None:
+    """All have minutes and seconds below 60, as no column of decimal degrees has by chance; one is nearly 0."""
+    text = "Base Point;HI;Tgt.Pt;HR;Hor.Angle;Zenith Ang;Slope Dist\n"
+    rows = [(f"{20 * k}.{13 + k}{10 + k}{k % 10}", f"89.{20 + k}{30 + k}5") for k in range(1, 14)]
+    rows.append(("0.00005", "90"))
+    text += "".join(f"S;1.5;P{k};1.4;{hz};{v};100.{k}\n" for k, (hz, v) in enumerate(rows))
+    directions, _ = recognise(_as_spreadsheet(tmp_path / "t.csv", text))
+    assert directions.texts("horizontal")[0] == "20-14-11.1"
+    assert directions.texts("horizontal")[-1] == "0-00-00.5"
+    assert directions.texts("zenith")[-2:] == ["89-33-43.5", "90-00-00"]
+    assert "column 'Hor.Angle': degrees, minutes and seconds as d.mmss" in directions.notes
+    (other,) = recognise(_as_spreadsheet(tmp_path / "u.csv", text.replace("20.1411", "20.8411")))[:1]
+    assert other.texts("horizontal")[0] == "20.84111"
+
+
+def test_tables_beside_each_other(tmp_path: Path) -> None:
+    """Titles above, and empty columns, part them: known and approximate coordinates, distances, a remark."""
+    text = (
+        "KNOWN COORDINATES;;;;START VALUES;;;DISTANCES;;;;So\nNN;Y (m);X (m);;NN;Y (m);X (m);DN;BN;KENAR (m);ms (mm);\n"
+        "1;200;100;;3;260;180;1;3;100;2;1\n2;200;300;;;;;2;3;134.164;3;\n4;300;100;;;;;4;3;89.443;2;\n"
+    )
+    known, start, distances = recognise(_as_spreadsheet(tmp_path / "t.csv", text))
+    assert [(table.texts("id"), table.is_control) for table in (known, start)] == [
+        (["1", "2", "4"], True),
+        (["3"], False),
+    ]
+    assert distances.rows == (("1", "3", "100", "2"), ("2", "3", "134.164", "3"), ("4", "3", "89.443", "2"))
+    assert distances.units == {"distance": "m", "sigma": "mm"}
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.xlsx")]) == 0
+    points = read_document(tmp_path / "p.yaml").data["points"]
+    assert [entry.get("fixed") for entry in points] == [["x", "y"], None]
+    assert run(["adjust", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    new = pl.read_csv(tmp_path / "r" / "points.csv").filter(id=3).select("x", "y").row(0)
+    assert new == pytest.approx((180.0, 260.0), abs=2e-3)
+
+
+def test_a_table_of_unknown_columns_is_named_by_those_that_are_known(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("Survey,of,June\nFrom,To,Weather\nA,B,dry\n")
+    with pytest.raises(InputError, match=r"t.csv:2: unknown kind of table: found the columns From, To, Weather"):
+        recognise(tmp_path / "t.csv")
+
+
 def test_distances_and_both_points_of_a_levelling_book(tmp_path: Path) -> None:
     text = "From,To,Backsight (mm),Foresight (mm),BS Dist,FS Dist\nA,B,1500,1000,20,21\nB,A,1000,1501,22,20\n"
     (tmp_path / "t.csv").write_text(text)
@@ -459,8 +595,8 @@ def test_distances_and_both_points_of_a_levelling_book(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("A,1.5,1.2\nB,1.0,0.9\n", "row 1 has readings back and forward"),
-        ("A,1.5,\nB,,1.2O\n", "row 2, column FS: found '1.2O', expected a number"),
+        ("A,1.5,1.2\nB,1.0,0.9\n", "t.csv:2: found readings back and forward"),
+        ("A,1.5,\nB,,1.2O\n", "t.csv:3: column FS: found '1.2O', expected a number"),
         ("A,1.5,\n", "no set-up has readings back and forward"),
     ],
 )

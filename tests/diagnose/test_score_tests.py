@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mor
 from mor.api import pipeline
 from mor.quality.solution import Solved
 from tests.scenarios.planted_mistakes.survey import survey
@@ -54,6 +55,47 @@ def test_a_common_offset_of_distances_is_named_with_its_amount(tmp_path: Path) -
     assert len(found) == 1
     assert found[0].amount is not None
     assert abs(found[0].amount.value) == pytest.approx(0.03, abs=0.003)
+
+
+def test_misclosures_of_levelling_do_not_tell_the_unit_of_its_heights() -> None:
+    """Millimetres for metres would make every misclosure a thousand times smaller."""
+    rows = [
+        ["A", "B", 0.63],
+        ["B", "C", 11.43],
+        ["D", "C", 3.74],
+        ["A", "D", 8.28],
+        ["A", "C", 12.05],
+        ["B", "D", 7.65],
+    ]
+    found = mor.adjust(
+        {
+            "mor": 1,
+            "units": {"length": "m"},
+            "points": [
+                {"columns": ["id", "z"], "rows": [["A", 1313.0]], "values": {"x": 0, "y": 0}, "fixed": ["x", "y", "z"]},
+                {"columns": ["id"], "rows": [["B"], ["C"], ["D"]], "values": {"x": 0, "y": 0}, "fixed": ["x", "y"]},
+            ],
+            "observations": [
+                {
+                    "type": "height_difference",
+                    "columns": ["from", "to", "dz"],
+                    "rows": rows,
+                    "values": {"sigma": "0.5 mm"},
+                }
+            ],
+        }
+    ).solved
+    assert found.quality is not None
+    assert found.quality.sigma0 > 10.0
+    assert not any(one.cause == "table unit" for one in found.possible_causes)
+
+
+def test_no_prism_has_a_constant_of_a_metre(tmp_path: Path) -> None:
+    bridge = survey("bridge")
+    for row in bridge.tables["distances.csv"]:
+        row["distance"] = f"{float(row['distance']) + 1.2:.4f}"
+    causes = _solved(bridge.write(tmp_path)).possible_causes
+    assert not any(one.cause == "distance offset" for one in causes)
 
 
 def test_slope_distances_taken_for_horizontal_ones_are_named(tmp_path: Path) -> None:

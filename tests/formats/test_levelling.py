@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import read_foreign
 from mor.project.document import Document
+from mor.project.levelling import Levelling, StaffReading
 from tests.reference_data import network_of
 
 M5 = """\
@@ -133,6 +135,39 @@ GSI = """\
 110019+00000003 32...8+01000000 332.08+00140000
 110020+00000003 573.08+00000000 574.08+04000000 83..08+00200300
 """
+
+
+@pytest.mark.parametrize(("name", "again"), [("BM 3", "BM 3"), ("TBM-A", "TBM-A"), ("bmb", "bmb"), ("TP1", "TP1 (2)")])
+def test_a_benchmark_inside_two_lines_is_one_point_and_a_turning_point_is_not(name: str, again: str) -> None:
+    levelling = Levelling()
+    for points in (("A", name, "B"), ("B", name, "A")):
+        levelling.begin()
+        for k, (back, fore) in enumerate(pairwise(points)):
+            levelling.sight_back(StaffReading(back, 1.5, None, 2 * k))
+            levelling.sight_forward(StaffReading(fore, 1.0, None, 2 * k + 1))
+    rows, _ = levelling.finish()
+    assert [row[:2] for row in rows] == [("A", name), (name, "B"), ("B", again), (again, "A")]
+
+
+def test_lines_that_begin_at_0_do_not_share_turning_points(tmp_path: Path) -> None:
+    """Both have turning point 1 at 0.2 m, above B1 and above B2; the first one ends at E, not where it began."""
+    text = (
+        "410001+?......1\n110002+000000B1 83..58+00000000\n110003+000000B1 32...8+01000000 331.08+00150000\n"
+        "110004+00000001 32...8+01000000 332.08+00130000\n110005+00000001 573.08+0 574.08+02000000 83..08+00020000\n"
+        "110006+00000001 32...8+01000000 331.08+00120000\n110007+0000000E 32...8+01000000 332.08+00170000\n"
+        "110008+0000000E 573.08+0 574.08+04000000 83..08-00030000\n"
+        "505.08+00000001 508...+quick end 509...+000000B1 510.08+00000000 512...+0000000E 513.08-00030000\n"
+        "410009+?......1\n110010+000000B2 83..58+00000000\n110011+000000B2 32...8+01000000 331.08+00150000\n"
+        "110012+00000001 32...8+01000000 332.08+00130000\n110013+00000001 573.08+0 574.08+02000000 83..08+00020000\n"
+        "110014+00000001 32...8+01000000 331.08+00120000\n110015+0000000E 32...8+01000000 332.08+00140000\n"
+        "110016+0000000E 573.08+0 574.08+04000000 83..08+00000000\n"
+    )
+    assert [row[:3] for row in _rows(_read(tmp_path, "a.gsi", text))] == [
+        ("B1", "1", 0.2),
+        ("1", "E", -0.5),
+        ("B2", "1 (2)", 0.2),
+        ("1 (2)", "E", -0.2),
+    ]
 
 
 def test_intermediate_sights_do_not_end_a_set_up_and_a_last_point_may_be_a_benchmark(tmp_path: Path) -> None:

@@ -433,6 +433,7 @@ class FieldBook:
             return
         reached = point in self.levelling.reached
         self.levelling.begin()
+        self.levelling.record(point, height)
         if height is not None:
             (self.computed_point if reached else self.point)(point, None, None, height, line)
 

@@ -6,7 +6,8 @@ target, 84 85 86 of the station, 87 height of the target, 88 of the instrument; 
 the station was recorded (Leica, "GSI ONLINE", 2002).
 
 Levels write 331 to 336 staff readings with the distance in 32, 83 height, 571 to 574 sums; a code block with ``?``
-begins a line. A block 505 to 514 ends it: 509 is the benchmark that the last point 512 is.
+begins a line. A block 505 to 514 ends it: 509 is its benchmark with the height 510, and the last point 512, if that is
+a number and has nearly the same height 513, is this benchmark again.
 
 A block begins with word 11 or 41; a line has one or several. Instruments record a station before or after its sights:
 after a resection or a backsight the station follows. Blocks of readings have 81 to 83 if the station was known.
@@ -178,7 +179,8 @@ class _GsiReader:
         elif block.code:
             self._code(block)
         elif {"509", "512"} <= set(words):
-            self.book.levelling.close_at(_plain(words["512"][1]), _plain(words["509"][1]))
+            heights = [_length(words, name, line, self.book) for name in ("510", "513")]
+            self.book.levelling.close_at(_plain(words["512"][1]), _plain(words["509"][1]), *heights)
         elif "11" not in words:
             self.book.leave_out(_NAMES.get(next(iter(words)), f"word {next(iter(words))}"), line)
         elif block.level:
