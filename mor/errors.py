@@ -163,7 +163,8 @@ class NoStartValuesError(InputError):
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """Suggestion clause for an unknown ``name``: ``"; did you mean 'camera'?"`` or the empty string."""
-    if len(name) > _LONGEST_NAME:
+    # Letters up to which a name may be a mistyped one; comparing takes the square of them.
+    if len(name) > 200:
         return ""
     names = list(known)
     if len(names) > MANY_NAMES:
@@ -181,8 +182,6 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
 
-_LONGEST_NAME = 200
-"""Letters up to which a name may be a mistyped one; comparing takes the square of them."""
 MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
 

@@ -32,8 +32,6 @@ TABLE, PROJECT = "MOR_MAX_FILE_MB", "MOR_MAX_PROJECT_MB"
 _MB = 1_000_000
 _PART = 1 << 22
 """Bytes that are unpacked together."""
-_DENSEST = 1032
-"""Bytes that one byte of a gzip file may unpack to."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _HIGH = 0x80
 CODE_PAGES = {"cp1251": "Windows, Cyrillic", "cp1252": "Windows, Western European"}
@@ -273,7 +271,8 @@ def check_size(size: int, path: Path, most: str) -> None:
 
 def _unpacked_size(path: Path, most: int) -> int:
     """Bytes in a gzip file, counted up to just above ``most`` and without keeping them."""
-    if path.stat().st_size * _DENSEST <= most:
+    # Bytes that one byte of a gzip file may unpack to.
+    if path.stat().st_size * 1032 <= most:
         return 0
     size = 0
     with gzip.open(path) as file:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -196,9 +196,6 @@ def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
 # project file → Project → Network → Problem + start values → Adjustment → Quality → Report
 
 POSES_ANEW = "the start values lead to no solution; poses of images that were far off were computed anew"
-SIGMA_ROUNDS = 4
-_SAME_SIGMA = 1e-9
-"""σ that change by less between two adjustments have settled."""
 
 
 def read_document(path: Path, form: str = "") -> Document:
@@ -517,16 +514,12 @@ def levels(settings: ProjectSettings) -> Levels:
 def check_minimal(network: Network, adjustment: Adjustment) -> None:
     """Raise :class:`InputError` where a minimal datum names more coordinates than the network has free movements."""
     if network.datum.minimal:
-        check_named(int(np.count_nonzero(adjustment.constraint.mask)), adjustment.defect.movements)
-
-
-def check_named(named: int, free: Sequence[str]) -> None:
-    """Raise :class:`InputError` where a minimal datum names another number of coordinates than there are movements."""
-    defect = len(free)
-    if named != defect:
-        movements = ", ".join(free) or "none"
-        words = f"datum: minimal names {named} free coordinates, but the network has {defect} free movements"
-        raise InputError([Message(f"{words} ({movements})")])
+        named = int(np.count_nonzero(adjustment.constraint.mask))
+        defect = len(adjustment.defect.movements)
+        if named != defect:
+            movements = ", ".join(adjustment.defect.movements) or "none"
+            words = f"datum: minimal names {named} free coordinates, but the network has {defect} free movements"
+            raise InputError([Message(f"{words} ({movements})")])
 
 
 def _with_settled_sigma(
@@ -536,7 +529,7 @@ def _with_settled_sigma(
 
     So are the knots about rows that a rolling shutter reads out on a trajectory.
     """
-    for _ in range(SIGMA_ROUNDS):
+    for _ in range(4):
         problem = make_problem(network, adjustment.start, adjustment.values)
         problem = left_out(problem, suspects) if suspects is not None else problem
         if _same_sigma(problem, adjustment.problem) or not adjustment.outcome.is_solution:
@@ -551,8 +544,9 @@ def _with_settled_sigma(
 
 def _same_sigma(one: Problem, other: Problem) -> bool:
     """True if two problems have the same σ and, of trajectories, rows between the same knots."""
+    # σ that change by less between two adjustments have settled.
     return all(
-        (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
+        (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=1e-9, atol=0.0, equal_nan=True))
         and all(map(np.array_equal, a.blocks, b.blocks))
         for a, b in zip(one.groups, other.groups, strict=True)
     )

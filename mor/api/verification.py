@@ -186,7 +186,8 @@ def _columns(data: dict[str, Any], x: FloatArray) -> tuple[FloatArray, FloatArra
         back[0, 1:] = -mean
         return np.column_stack([np.ones(len(x)), x - mean]), back
     degree = data["degree"]
-    if degree < _CHEBYSHEV:
+    # Degree from which on a polynomial is expressed in Chebyshev polynomials.
+    if degree < 6:
         return x[:, None] ** np.arange(degree + 1), np.eye(degree + 1)
     domain = [float(x.min()), float(x.max())]
     mapped = (2.0 * x - sum(domain)) / (domain[1] - domain[0])
@@ -197,8 +198,6 @@ def _columns(data: dict[str, Any], x: FloatArray) -> tuple[FloatArray, FloatArra
     return np.asarray(chebyshev.chebvander(mapped, degree), dtype=float), back
 
 
-_CHEBYSHEV = 6
-"""Degree from which on a polynomial is expressed in Chebyshev polynomials."""
 _PLAIN = [-1.0, 1.0]
 
 

@@ -170,8 +170,6 @@ def entries(value: Any) -> Iterable[dict[str, Any]]:
 # counts from the upper left corner, since then from the image centre; focal lengths are px
 # (``pxFocalLength``) or mm with the width of the sensor. Source: AliceVision, ``sfmDataIO/jsonIO.cpp``.
 
-_FROM_THE_CENTRE = (1, 2, 1)
-"""First version whose principal points count from the image centre."""
 _NAMES = {"pinhole": "", "radialk1": "radial1", "radialk3": "radial3", "none": ""}
 
 
@@ -216,7 +214,8 @@ def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any
         raise Wrong(f"{what}: type {kind!r} has no counterpart in mor that says exactly the same (known: {known})")
     focal = _focal_length(given, size, what)
     centre = plain_list(given.get("principalPoint"), 2, f"{what}: principalPoint")
-    if version >= _FROM_THE_CENTRE:
+    # First version whose principal points count from the image centre.
+    if version >= (1, 2, 1):
         centre = [offset + length / 2.0 for offset, length in zip(centre, size, strict=True)]
     names = DISTORTIONS[kind]
     params = given.get("distortionParams") or []

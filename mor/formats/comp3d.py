@@ -71,7 +71,6 @@ _SETTING = re.compile(
     r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
     r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
 )
-_BASELINE = ("from", "to", "dx", "dy", "dz", "from_height", "to_height")
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _ON_A_SPHERE = {8: "azimuths (8)"} | {code: f"differences of plan coordinates ({code})" for code in (9, 14, 15)}
 """Codes that a project in a projection cannot have here: their north is that of the project's centre."""
@@ -79,9 +78,6 @@ _VERTICAL = ("distance", "zenith_angle", "height_difference")
 """Types that tell of heights."""
 _FIXED = 1e-6
 """σ (m) of a coordinate that is held in a projection while others of its point are not."""
-_DEEPEST = 8
-"""Levels of files in files."""
-_COMP = ".comp"
 
 
 def read_comp3d(path: Path) -> Document:
@@ -89,7 +85,7 @@ def read_comp3d(path: Path) -> Document:
     draft = Draft(str(path))
     reader = _Reader(draft)
     settings: dict[str, str] = {}
-    if path.suffix.lower() == _COMP:
+    if path.suffix.lower() == ".comp":
         text = "\n".join(read_lines(path, draft))
         settings = dict(_SETTING.findall(text))
         try:
@@ -158,7 +154,8 @@ class _Reader:
     skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
 
     def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
-        if depth > _DEEPEST:
+        # Levels of files in files.
+        if depth > 8:
             raise InputError([Message("files name each other in a circle", str(path))])
         for line, words in _words(path, self.draft):
             try:
@@ -360,7 +357,12 @@ class _Reader:
         for (type_, file), rows in measured.items():
             draft.table("observations", _IN_FRAMES[type_], rows, file, type=type_)
         if baselines:
-            draft.correlated(_BASELINE, baselines, "gnss_vector", str(self.frames[0].path))
+            draft.correlated(
+                ("from", "to", "dx", "dy", "dz", "from_height", "to_height"),
+                baselines,
+                "gnss_vector",
+                str(self.frames[0].path),
+            )
         return names
 
     def _centring(self, origin: str, target: str, east: float, north: float, line: int, file: str) -> list[Row]:

@@ -207,8 +207,6 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
 
 LAYERS = {"points": 7, "names": 7, "images": 5, "observations": 8, "ellipses": 1}
 """Layers and their colours (AutoCAD colour index)."""
-_LARGEST_ELLIPSE = 0.05
-"""Longest semi-axis of the error ellipses as they are drawn, of the extent of the network."""
 
 
 def write_dxf(document: Document, folder: Path, target: Path) -> Written:
@@ -256,7 +254,8 @@ def _ellipses(space: object, shown: Drawing, extent: float) -> float:
     known = np.isfinite(shown.ellipses).all(axis=1) & (shown.ellipses[:, 0] > 0.0)
     if not known.any():
         return 0.0
-    scale = _LARGEST_ELLIPSE * extent / float(shown.ellipses[known, 0].max())
+    # Longest semi-axis of the error ellipses as they are drawn, of the extent of the network.
+    scale = 0.05 * extent / float(shown.ellipses[known, 0].max())
     for (a, b, bearing), place in zip(shown.ellipses[known].tolist(), shown.xyz[known].tolist(), strict=True):
         major = (a * scale * np.cos(bearing), a * scale * np.sin(bearing), 0.0)
         attributes = {"layer": "ellipses"}

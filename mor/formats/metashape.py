@@ -178,7 +178,9 @@ def read_metashape(path: Path) -> Document:
         _put_cameras(chunk, draft)
         found.origin = _origin(chunk)
         if found.origin is not None:
-            said = ", ".join(f"{key} {v:.10g}" for key, v in zip(_GEODETIC, found.origin, strict=True))
+            said = ", ".join(
+                f"{key} {v:.10g}" for key, v in zip(("latitude", "longitude", "altitude"), found.origin, strict=True)
+            )
             draft.note(f"coordinates are east, north, up of the reference point: {said}", chunk.line)
         control = _read_markers(chunk, found, draft)
         control = _put_images(chunk, found, control, draft) or control
@@ -329,9 +331,6 @@ def _system(chunk: Element, things: str = "") -> str:
     if "PROJCS" in text or "GEOCCS" in text:
         return "projected"
     return "geographic" if "GEOGCS" in text else "local"
-
-
-_GEODETIC = ("latitude", "longitude", "altitude")
 
 
 def _origin(chunk: Element) -> FloatArray | None:

@@ -98,8 +98,6 @@ _KINDS: dict[str, Callable[[Numbers, float, float, float], Interior]] = {
     "fisheye_opencv": _fisheye("k1", "k2", "k3", "k4"),
 }
 """Projection types; OpenSfM's fisheye has one focal length and its principal point in the centre, which is told."""
-LOOSER = ("fisheye",)
-"""Projection types whose counterpart has more unknowns."""
 
 
 # ---- Control of an image block as OpenDroneMap's ``gcp_list.txt``, with its image points.
@@ -228,8 +226,6 @@ def _sigma_of(name: str, prior: dict[str, Any], sigma: dict[str, float], side: f
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
 """OpenSfM's camera axes (right, down, forward) from mor's (right, up, backward)."""
-_DOP = 1000.0
-"""Accuracies of positions of images beyond this (m) stand for none: OpenSfM writes 999999."""
 
 
 def read_opensfm(path: Path) -> Document:
@@ -314,7 +310,7 @@ def _put_cameras(given: dict[str, Any], file: JsonFile, folder: Path, draft: Dra
         names[name] = name.strip() or "camera"
         cameras[name] = camera
         draft.lines["cameras", names[name]] = file.line(name)
-        if str(content.get("projection_type")) in LOOSER:
+        if content.get("projection_type") == "fisheye":
             words = f"camera {name}: fx, fy, cx, cy are free; OpenSfM's fisheye has one focal length and its centre"
             draft.note(words, file.line(name))
     known = with_priors(cameras, folder, draft)
@@ -375,7 +371,8 @@ def _accuracy(shot: dict[str, Any]) -> float | None:
     if not isinstance(shot.get("gps_position"), list) or "gps_dop" not in shot:
         return None
     sigma = json_number(shot["gps_dop"], "gps_dop")
-    return sigma if 0.0 < sigma < _DOP else None
+    # Accuracies of positions of images beyond this (m) stand for none: OpenSfM writes 999999.
+    return sigma if 0.0 < sigma < 1000.0 else None
 
 
 def _put_tracks(

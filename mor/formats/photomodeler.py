@@ -178,9 +178,6 @@ def _lists(lines: list[str], start: int, count: int) -> list[list[Line]]:
 # A calibration project has its camera free (c, xh, yh and the distortion), every other one has it fixed; the
 # ratio of the pixel sizes (the two sensor formats) is known in both.
 
-_CALIBRATION = "calibration"
-"""Word in the title of a project whose camera is estimated."""
-
 
 def read_photomodeler(path: Path) -> Document:
     """The project of a PhotoModeler text export. Raises :class:`InputError` with every mistake found."""
@@ -289,7 +286,8 @@ def _used(marks: list[Row], points: set[str | None], photos: set[str], draft: Dr
 
 def _put_cameras(export: Export, size: tuple[float, float], draft: Draft) -> dict[str, str]:
     """One camera for all photos with the same values; a single one has the digits of the header. Camera by photo."""
-    free = _CALIBRATION in export.title.lower()
+    # Word in the title of a project whose camera is estimated.
+    free = "calibration" in export.title.lower()
     distinct = list(dict.fromkeys(tuple(photo.camera) for photo in export.photos))
     names = {}
     cameras: dict[str, Any] = {}

@@ -565,7 +565,6 @@ _GRIDS = {"NEWBRUNSWICK83": "EPSG:2953", **{f"UTM83-{zone}": f"EPSG:{26900 + zon
 _LENGTHS = {"METERS": 1.0, "FEET": 0.3048, "FEETUS": 1200.0 / 3937.0}
 _STD_ERR = {"angle": "angle", "direction": "direction", "azimuth": "bearing", "zenith": "zenith"}
 _STD_ERR |= {"distance": "distance", "delta_elev": "height"}
-_CENTRING = ("instrument", "target", "vertical")
 
 
 def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
@@ -609,7 +608,9 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
             kind: parse_number(found[f"{key}_std_err"]) for key, kind in _STD_ERR.items() if f"{key}_std_err" in found
         }
         sigma["level"] = parse_number(found.get("level_std_err", "0")) * 1000.0**0.5 or sigma["level"]
-        centring = [parse_number(found.get(f"{key}_centering_error", "0")) for key in _CENTRING]
+        centring = [
+            parse_number(found.get(f"{key}_centering_error", "0")) for key in ("instrument", "target", "vertical")
+        ]
         ppm = parse_number(found.get("edm_ppm", "0"))
         one = Instrument(name, sigma, ppm, (centring[0], centring[1], centring[2]))
         network.library[name.upper()] = one
@@ -1050,7 +1051,6 @@ _TYPES = (
 )
 """Types that STAR*NET has."""
 _SECOND = ANGLE_UNITS["arcsec"]
-_DIMENSIONS = {"xyz": ".3D", "xy": ".2D", "z": ".1D"}
 
 
 def write_starnet(document: Document, folder: Path, target: Path) -> Written:
@@ -1067,7 +1067,10 @@ def write_starnet(document: Document, folder: Path, target: Path) -> Written:
         raise InputError(problems)
     dimensions = content.project.settings.dimensions
     lines = [f"# {content.project.title}".rstrip(), ".UNITS METERS DMS", ".ORDER EN ATFROMTO"]
-    lines += [_DIMENSIONS[dimensions], *([f".SEPARATOR {separator}"] if separator != "-" else [])]
+    lines += [
+        {"xyz": ".3D", "xy": ".2D", "z": ".1D"}[dimensions],
+        *([f".SEPARATOR {separator}"] if separator != "-" else []),
+    ]
     written, guessed = _points(found, content)
     lines += written
     known = stations(content)

@@ -730,7 +730,6 @@ _ABOUT_PLUMB_LINE = (
     ANGLE_TYPE,
     SPATIAL_ANGLE,
 )
-_AS_EVERYWHERE = (LOCAL, LEVEL)
 _OF_THE_EARTH = (
     gnss_vector,
     gnss_position,
@@ -766,7 +765,8 @@ def earth_types(horizon: Horizon) -> dict[str, ObservationType]:
     """All types of a project with ``world``, by their keys."""
     types = [
         *(about_plumb_line(type_, horizon) for type_ in _ABOUT_PLUMB_LINE),
-        *_AS_EVERYWHERE,
+        LOCAL,
+        LEVEL,
         _as("azimuth", _about_vertical(BEARING, horizon, BEARING.constants)),
         _as("astronomic_azimuth", about_plumb_line(BEARING, horizon)),
         *(make(horizon) for make in _OF_THE_EARTH),

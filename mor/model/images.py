@@ -214,7 +214,8 @@ def meet(
         step = found.changed(found.projection.xy - found.xy)
         size = np.abs(step).max(axis=1, initial=0.0)
         nears = size < 0.5 * before if number >= _DOUBTFUL else np.ones(len(size), dtype=bool)
-        if not _largest(size[nears]) > _STILL_SHUTTER * _largest(np.abs(found.xy)):
+        # Part of the image coordinates by which a point may still move when it has met the shutter.
+        if not _largest(size[nears]) > 1e-13 * _largest(np.abs(found.xy)):
             break
         found, before = seen(found.xy + step), size
     return found
@@ -242,8 +243,6 @@ def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
 
 _DOUBTFUL = 4
 """Rounds after which a point whose step does not halve will never meet the shutter, and others do not wait for it."""
-_STILL_SHUTTER = 1e-13
-"""Part of the image coordinates by which a point may still move when it has met the shutter."""
 MOVING = "moving"
 """What the keys of these types begin with."""
 MOVING_TYPES = {model.key: moving_image_coordinates(model) for model in CAMERA_MODELS.values()}
@@ -289,9 +288,11 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
             return _TimedPoints(pose, frame, projection, np.einsum("nij,nj->ni", projection.by_star, drift))
 
         time, seen = path.time, at(path.time)
-        for _ in range(_ROUNDS_OF_LINES):
+        # Steps by which a point comes to its line, a few where it crosses it.
+        for _ in range(10):
             step = (measured[:, 1] - seen.projection.xy[:, 1]) / seen.drift[:, 1]
-            if not _largest(np.abs(step)) > _STILL_LINES * _largest(np.abs(rate * interior[:, 0])):
+            # Part of the time in which the camera scans its own camera constant by which a crossing may still move.
+            if not _largest(np.abs(step)) > 1e-12 * _largest(np.abs(rate * interior[:, 0])):
                 break
             time = time + step
             seen = at(time)
@@ -343,12 +344,6 @@ def _crossed(change: FloatArray, drift: FloatArray, rate: FloatArray) -> FloatAr
     """Changes (n, 2, k) of x and of the row (in y) where those at a fixed time are ``change``: dt = −dy / ẏ."""
     time = -change[:, 1] / drift[:, 1, None]
     return np.stack([change[:, 0] + drift[:, 0, None] * time, time / rate[:, None]], axis=1)
-
-
-_ROUNDS_OF_LINES = 10
-"""Steps by which a point comes to its line, a few where it crosses it."""
-_STILL_LINES = 1e-12
-"""Part of the time in which the camera scans its own camera constant by which a crossing may still move."""
 
 
 # ---- Image coordinates that are read out row by row along a trajectory: a rolling shutter that moves as the flight

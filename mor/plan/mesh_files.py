@@ -25,7 +25,6 @@ _TYPES = {
     **dict.fromkeys(("double", "float64"), "f8"),
 }
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
-_CORNERS = ("vertex_indices", "vertex_index")
 
 
 class Mesh(NamedTuple):
@@ -117,7 +116,7 @@ def _ply(content: bytes) -> Mesh:
         raise _MeshError(f"vertices without {', '.join(missing)}")
     columns = [by_name["vertex"].index(c) for c in "xyz"]
     vertices = np.array([[float(row[k][0]) for k in columns] for row in found["vertex"]]).reshape(-1, 3)
-    corners = [k for k, name in enumerate(by_name.get("face", ())) if name in _CORNERS]
+    corners = [k for k, name in enumerate(by_name.get("face", ())) if name in ("vertex_indices", "vertex_index")]
     faces = [row[corners[0]].astype(np.int64) for row in found["face"]] if corners else []
     return Mesh(vertices, faces)
 

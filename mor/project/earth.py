@@ -176,7 +176,6 @@ def with_convergence_at_images(
 # ---- The sphere under a local network: `curvature` of the project file.
 
 _NAMES = ("point", "station", "image")
-_HALF_PI = 0.5 * np.pi
 
 
 def read_sphere(reading: Reading) -> None:
@@ -230,7 +229,7 @@ def _radius(reading: Reading, section: Curvature) -> float | None:
     try:
         if section.latitude is not None:
             latitude = reading.edge.number(section.latitude, ANGLE)
-            if abs(latitude) > _HALF_PI:
+            if abs(latitude) > 0.5 * np.pi:
                 raise UnitError(f"found {np.degrees(latitude):.6g}°, expected it between -90° and 90°")
             return gaussian_radius(latitude) / metres
         if section.radius is None:

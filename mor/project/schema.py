@@ -810,15 +810,12 @@ def _lenient(node: object) -> object:
 _OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
 
 
-_MOST_KEYS = 8
-"""Keys that are named of a file that is no project."""
-
-
 def validate(document: Document) -> ProjectFile:
     """The model of a project. Raises :class:`InputError` with every mistake found."""
     known = _known_keys((), ProjectFile)
     if "mor" not in document.data and any(key not in known for key in document.data):
-        keys = ", ".join(map(str, list(document.data)[:_MOST_KEYS]))
+        # Keys that are named of a file that is no project.
+        keys = ", ".join(map(str, list(document.data)[:8]))
         words = f"this is YAML, but no project file, which has the key mor (mor: 1); found the keys {keys}"
         raise InputError([Message(words, document.file, 1)])
     return validated(document, ProjectFile)

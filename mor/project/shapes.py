@@ -106,7 +106,12 @@ def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | No
     )
     found = [_guess(type_, q, D, known, free) for D in _candidates(q, free, held)]
     guesses = [
-        [_enlarged(guess, factor, free) for guess in found if guess is not None] for factor in _RADII.get(type_, (1.0,))
+        [
+            guess._replace(shape=guess.shape * np.where(free.shape & [True, False, False], factor, 1.0))
+            for guess in found
+            if guess is not None
+        ]
+        for factor in _RADII.get(type_, (1.0,))
     ]
     best = _refined(type_, q, guesses, free)
     if best is None:
@@ -168,10 +173,6 @@ def _guess(type_: str, q: FloatArray, D: FloatArray, known: FloatArray, free: Fr
         away = np.hypot(*(local[:, :2] + offset[:2]).T) - shape[0]
         shape[1] = np.sqrt(np.mean(away**2 + (z + offset[2]) ** 2))
     return FittedShape(D, np.zeros(3), offset, np.where(np.isnan(known), shape, known))
-
-
-def _enlarged(fit: FittedShape, factor: float, free: Freedom) -> FittedShape:
-    return fit._replace(shape=fit.shape * np.where(free.shape & [True, False, False], factor, 1.0))
 
 
 def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom) -> FittedShape | None:

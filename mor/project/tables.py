@@ -422,9 +422,6 @@ def _text(cell: object) -> str:
 
 # ---- Where the rows of a table come from: the project file, CSV or Parquet, with declared or headed columns.
 
-_SMALLEST_CELL = 8
-"""Bytes of a number, or of the reference to a text, in memory."""
-
 
 def from_rows(table: TableEntry, place: TableLocation) -> Source:
     """Rows that stand in the project file itself."""
@@ -461,7 +458,8 @@ def from_file(table: TableEntry, known: dict[str, Column], place: TableLocation)
             if columns > limit(COLUMNS):
                 raise InputError([Message(too_many_columns(columns), str(path))])
             rows = lazy.select(pl.len()).collect().item()
-            check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
+            # Bytes of a number, or of the reference to a text, in memory.
+            check_size(rows * columns * 8, path, TABLE)
             note_file(path)
             return _from_frame(lazy.collect(), table, str(path), place.problems)
         if is_spreadsheet(path):

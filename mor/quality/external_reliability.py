@@ -434,14 +434,13 @@ def _effect(
 # determines it.
 
 _HALF = 0.5
-_CARRIED_POINTS_NUMBERS = 2_000_000
 _FLAT = 1e-10
 """Part of the largest variance of a point below which it has none in a direction."""
 
 
 def most_at_a_time(quality: Quality) -> int:
     """Observations whose movements of all unknowns have room."""
-    return max(1, _CARRIED_POINTS_NUMBERS // max(quality.adjustment.problem.index.count, 1))
+    return max(1, 2_000_000 // max(quality.adjustment.problem.index.count, 1))
 
 
 def carried_points(quality: Quality, entries: list[ObservationComponent]) -> list[IntArray]:

@@ -215,7 +215,6 @@ def _is_normal(sizes: FloatArray, level: float) -> bool:
 
 MOST = 300
 """Points that are tested at most."""
-ENTRIES = 20_000_000
 
 
 class FixedPointTest(NamedTuple):
@@ -238,7 +237,7 @@ def fixed_point_tests(quality: Quality) -> list[FixedPointTest]:
     problem = quality.adjustment.problem
     _, fixed = network_components(problem, quality.adjustment.values)
     points = np.flatnonzero(fixed.any(axis=1))[:MOST]
-    at_a_time = max(1, ENTRIES // (3 * max(problem.index.count, 1)))
+    at_a_time = max(1, 20_000_000 // (3 * max(problem.index.count, 1)))
     tests: list[FixedPointTest] = []
     for first in range(0, len(points), at_a_time):
         chosen = np.zeros_like(fixed)

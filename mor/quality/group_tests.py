@@ -179,8 +179,6 @@ def rows_of(partition: Partition, one: int, groups: tuple[ObservationGroup, ...]
 
 MOST_PROBES = 64
 """Observations up to which moments are exact, and vectors of signs for more."""
-_OF_REDUNDANCY = 10_000.0
-"""Vectors of signs times redundancy: as Σλ² is off by about 2/√(k ν) of itself with k of them, by 2 %."""
 
 
 class Moments(NamedTuple):
@@ -214,7 +212,8 @@ def moments(rows: WhitenedRows, redundancy: float) -> Moments:
     count = rows.design.shape[0]
     probes = np.eye(count if count <= MOST_PROBES else 0)
     if count > MOST_PROBES:
-        several = int(np.clip(np.ceil(_OF_REDUNDANCY / redundancy), 2, MOST_PROBES))
+        # Vectors of signs times redundancy: as Σλ² is off by about 2/√(k ν) of itself with k of them, by 2 %.
+        several = int(np.clip(np.ceil(10_000.0 / redundancy), 2, MOST_PROBES))
         signs = np.random.default_rng(1989).integers(0, 2, (count, several))
         probes = (2.0 * signs - 1.0) / np.sqrt(several)
     once = rows.residuals_of(probes)

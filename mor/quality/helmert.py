@@ -26,15 +26,14 @@ from mor.solve.problem import ClusterRows, cluster_rows, linearise, rotation_tan
 from mor.types import BoolArray, FloatArray, IntArray
 
 MOST_UNKNOWNS = 3000
-_MOST_NUMBERS = 60_000_000
-"""Room (480 MB) for a matrix of all unknowns for each group."""
 
 
 def affordable(quality: Quality) -> bool:
     """True where the dense matrices of Helmert's system have room."""
     problem = quality.adjustment.problem
     unknowns = problem.index.count
-    return unknowns <= MOST_UNKNOWNS and len(problem.groups) * unknowns**2 <= _MOST_NUMBERS
+    # Room (480 MB) for a matrix of all unknowns for each group.
+    return unknowns <= MOST_UNKNOWNS and len(problem.groups) * unknowns**2 <= 60_000_000
 
 
 def helmert_system(quality: Quality) -> FloatArray:

@@ -367,8 +367,6 @@ _TOO_SMALL = 30.0
 """Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
 _BESIDE, _PART = 0.5, 0.1
 """Least arc (rad) from a ray to its point on another branch of the projection; part of it that the residual may be."""
-_FAR_OFF = 0.2
-"""Arc (rad) between rays and points that no rough pose leaves."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
@@ -379,8 +377,6 @@ _LEVEL = 1e-3
 """Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
-_FROM_FAR = 20
-"""Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
 BY_WEIGHTS = (
@@ -485,7 +481,8 @@ def frames_far_off(problem: Problem, values: Values) -> BoolArray:
             frames.append(frames_of(group)[np.isfinite(arc)])
             arcs.append(arc[np.isfinite(arc)])
     frame = np.concatenate(frames)
-    far = np.asarray(medians_of_parts(frame, np.concatenate(arcs), count) > _FAR_OFF)
+    # Arc (rad) between rays and points that no rough pose leaves.
+    far = np.asarray(medians_of_parts(frame, np.concatenate(arcs), count) > 0.2)
     return far if 2 * np.count_nonzero(far) < len(np.unique(frame)) else np.zeros_like(far)
 
 
@@ -669,7 +666,8 @@ def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     sphere = problem_on_the_sphere(plain.problem, plain.start)
     if sphere is None:
         return Attempt(plain)
-    there = adjust(sphere, plain.start, SolverSettings(_FROM_FAR), watch)
+    # Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty.
+    there = adjust(sphere, plain.start, SolverSettings(20), watch)
     if there.outcome is not Outcome.CONVERGED:
         return Attempt(plain)
     again = adjust(plain.problem, there.values, _from_near(settings), watch)

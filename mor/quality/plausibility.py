@@ -53,9 +53,6 @@ def noted(group: ObservationGroup, rows: IntArray, said: Callable[[int], str]) -
 #
 # Readings in gon or degrees that are declared as radians are found so; the other way round they only look small.
 
-_FULL = 2.0 * np.pi * (1.0 + 1e-9)
-"""A full circle, and what is rounded when one is written."""
-
 
 def beyond_a_circle(network: Network) -> Iterator[Message]:
     """Components of tables most of whose angles are larger than a full circle, with the first row."""
@@ -68,7 +65,8 @@ def beyond_a_circle(network: Network) -> Iterator[Message]:
 
 def _component(group: ObservationGroup, component: int) -> Iterator[Message]:
     here = group.mask[:, component]
-    beyond = here & (np.abs(group.observed[:, component]) > _FULL)
+    # A full circle, and what is rounded when one is written.
+    beyond = here & (np.abs(group.observed[:, component]) > 2.0 * np.pi * (1.0 + 1e-9))
     if 2 * np.count_nonzero(beyond) > np.count_nonzero(here):
         name, of = group.type.components[component].name, np.count_nonzero(here)
         said = (
@@ -88,8 +86,6 @@ _TIMES = 50.0
 _SIGMAS = 10.0
 """σ below which a difference is noise in any case."""
 _AT_LEAST = 5
-_FACTOR = 2.5
-"""Ratio of observed to computed lengths from which on the unit is doubted."""
 _ALIKE = 0.1
 """Median deviation of ln of the ratio up to which it is the same for all."""
 
@@ -118,7 +114,8 @@ def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray
     if np.count_nonzero(good) >= _AT_LEAST:
         ratios = np.log(observed[good] / computed[good])
         ratio = float(np.median(ratios))
-        if abs(ratio) > np.log(_FACTOR) and float(np.median(np.abs(ratios - ratio))) < _ALIKE:
+        # Ratio of observed to computed lengths from which on the unit is doubted.
+        if abs(ratio) > np.log(2.5) and float(np.median(np.abs(ratios - ratio))) < _ALIKE:
             words = (
                 f"{group.type.name}: the observations are {np.exp(ratio):.3g} times as large as computed from the "
                 "given coordinates; check their unit"
@@ -458,8 +455,6 @@ def _note(network: Network, lines: list[_Line], loop: list[tuple[int, float]], t
 # 1956). u is taken from the values: the smallest difference between two of them. If values are rounded to
 # several σ, p is 1 and nothing is said.
 
-_CHANCE = 1e-3
-"""Probability of so many equal rows by chance from which down they are noted."""
 _CHANCE_OF_TABLE = 0.05
 """The same for a whole table whose rows all stand in another one in the same order, which chance does not arrange."""
 
@@ -504,7 +499,8 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
                 and bool((np.diff(row[first[found]][np.argsort(row[second[found]])]) > 0).all())
             )
             probability = float(bdtrc(len(found) - 1, np.count_nonzero(here), min(1.0, float(chance[here].mean()))))
-            if probability > (_CHANCE_OF_TABLE if whole else _CHANCE):
+            # Probability of so many equal rows by chance from which down they are noted.
+            if probability > (_CHANCE_OF_TABLE if whole else 1e-3):
                 continue
             yield _note_on_repeated_rows(groups[one], groups[other], row[first[found]], row[second[found]])
 
@@ -734,8 +730,6 @@ def _sizes(group: ObservationGroup, component: int, kind: str, here: BoolArray) 
 # within the width of what the camera measures is no rough value of this image.
 
 _LEAST = 3
-_SOME = 16
-"""Rays for each image, in the mean, that are looked at before all of those that nothing supports yet."""
 
 
 def unsupported_poses(network: Network) -> Iterator[Message]:
@@ -762,7 +756,8 @@ def _settled(network: Network, group: ObservationGroup) -> BoolArray:
     """(images,) that already some of their rays support: one is enough, so that hardly any needs all of them."""
     image = group.references[0].numbers
     images = int(image.max()) + 1
-    some = np.arange(0, group.count, max(1, group.count // (_SOME * images)))
+    # Rays for each image, in the mean, that are looked at before all of those that nothing supports yet.
+    some = np.arange(0, group.count, max(1, group.count // (16 * images)))
     some = some[_usable(network, group, some)]
     settled: BoolArray = np.zeros(images, dtype=bool)
     settled[image[some[_support(network, group, some)]]] = True

@@ -184,9 +184,6 @@ def detectable(quality: Quality, entries: IntArray) -> FloatArray:
 # A candidate has the σ and the constants of the most complete row that its table has from that place; an
 # image shows a point only where it lies before the camera and inside of what the camera has measured so far.
 
-_NULL = 1e-6
-"""Part of a candidate's derivatives along a movement that nothing determines, from which on it is no control."""
-
 
 class Candidates(NamedTuple):
     """Observations that could be made to one target."""
@@ -326,7 +323,8 @@ def _estimable(part: Linearised, null: FloatArray) -> BoolArray:
     moved = np.where((part.columns >= 0)[:, :, None], null[part.columns], 0.0)
     image = np.abs(part.jacobian @ moved)
     size = np.abs(part.jacobian) @ np.abs(moved)
-    return np.asarray((image <= _NULL * np.maximum(size, 1e-300)).all(axis=(1, 2)))
+    # Part of a candidate's derivatives along a movement that nothing determines, from which on it is no control.
+    return np.asarray((image <= 1e-6 * np.maximum(size, 1e-300)).all(axis=(1, 2)))
 
 
 # ---- The one further observation that would control a weak one best.

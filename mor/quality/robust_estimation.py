@@ -205,7 +205,6 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
 
 WIDEST, NARROWEST = 20.0, 3.0
 """Width in units of the robust σ of a group, first and last."""
-_SHRINKS = 0.8
 _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
 _FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
@@ -275,7 +274,7 @@ def _narrowed(
     factors = _factors(problem, place.sizes, multiples, scales)
     for number in range(1, 61):
         place = _descend(reweighted_plan(plan, factors), place, factors)
-        multiples = np.maximum(multiples * _SHRINKS, NARROWEST)
+        multiples = np.maximum(multiples * 0.8, NARROWEST)
         now = _scales(problem, place.sizes, parts)
         scales = tuple(np.minimum(earlier, own) for earlier, own in zip(scales, now, strict=True))
         before, factors = factors, _factors(problem, place.sizes, multiples, scales)
@@ -383,12 +382,6 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
 
 Method = Literal["l1", "danish"]
 ROUNDS = 60
-SETTLED = 0.01
-"""Largest relative change of a factor at which the weights have settled."""
-_SMALLEST_WEIGHT = 1e-8
-"""Factor on a weight below which nothing is made lighter: the system must stay regular."""
-_LIGHT = 0.1
-"""Factor on a weight below which an observation counts as rejected."""
 
 
 class RobustSolution(NamedTuple):
@@ -404,7 +397,8 @@ class RobustSolution(NamedTuple):
     def rejected(self) -> tuple[BoolArray, ...]:
         """Observations that hardly count."""
         groups = self.adjustment.problem.groups
-        return tuple((f < _LIGHT) & group.mask for f, group in zip(self.factors, groups, strict=True))
+        # Factor on a weight below which an observation counts as rejected.
+        return tuple((f < 0.1) & group.mask for f, group in zip(self.factors, groups, strict=True))
 
 
 def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
@@ -426,7 +420,8 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
             adjustment, before = found, factors
             factors = factors_of(problem, adjustment.values, spread, stage)
             pairs = zip(factors, before, strict=True)
-            if max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0) < SETTLED:
+            # Largest relative change of a factor at which the weights have settled.
+            if max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0) < 0.01:
                 settled = True
                 break
     return RobustSolution(method, adjustment, factors, settled)
@@ -443,5 +438,6 @@ def factors_of(
             factor = 1.0 / np.maximum(size, 0.5) * 0.5
         else:
             factor = np.where(size <= 2.0, 1.0, np.exp(np.minimum(1.0 - (size / 2.0) ** 2, 0.0)))
-        result.append(np.where(group.mask, np.maximum(factor, _SMALLEST_WEIGHT), 1.0))
+        # Factor on a weight below which nothing is made lighter: the system must stay regular.
+        result.append(np.where(group.mask, np.maximum(factor, 1e-8), 1.0))
     return tuple(result)

@@ -236,11 +236,7 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
     ):
         return None
     moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BEYOND_CHANCE)
-    return out_elsewhere(problem, values, moved, out)
-
-
-def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -> Elsewhere | None:
-    """Return removed entries after points have moved: all suspects of these points, and those removed of the others."""
+    # Return removed entries after points have moved: all suspects of these points, and those removed of the others.
     points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
     if not points.any():
         return None
@@ -275,8 +271,6 @@ def cost_at(problem: Problem, values: Values) -> float:
 
 _MOST_ROUNDS = 100
 """Rounds after which snooping ends, clean or not; a round takes out every error that does not hide another one."""
-_MOST_OUT = 0.5
-"""Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it."""
 
 Watcher = Callable[[Iteration], None]
 Out = frozenset[Entry]
@@ -435,7 +429,8 @@ def snooping_rounds(
                 continue
             clean = not cannot
             break
-        if len(out) > _MOST_OUT * redundancy:
+        # Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it.
+        if len(out) > 0.5 * redundancy:
             break  # it is not single errors that do not fit
         for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
             wanted = out ^ {one.entry for one in change}

@@ -420,9 +420,6 @@ class Solved:
 
 # ---- Images on a trajectory in the result: their poses and cofactors, from those of the knots.
 
-_KNOTS_AT_A_TIME = 32
-"""Knots whose columns of the inverse are worked out together."""
-
 
 def with_poses(solved: Solved) -> Solved:
     """The result in which images on trajectories have the poses of their times, and how precise these are."""
@@ -473,6 +470,7 @@ def _of_poses(quality: Quality, found: ImagePoses) -> Iterator[tuple[IntArray, F
 def _pieces(knots: IntArray) -> Iterator[IntArray]:
     """Rows (m,) of knots (n, k) in the order of their first knots, so many that they have few different knots."""
     order = np.argsort(knots[:, 0], kind="stable")
-    number = np.cumsum(np.diff(knots[order, 0], prepend=-1) > 0) // _KNOTS_AT_A_TIME
+    # Knots whose columns of the inverse are worked out together.
+    number = np.cumsum(np.diff(knots[order, 0], prepend=-1) > 0) // 32
     for k in np.unique(number):
         yield order[number == k]

@@ -28,8 +28,6 @@ from mor.types import BoolArray, FloatArray
 
 Method = Literal["simplified", "helmert"]
 
-_REPORTED = 0.5
-"""Redundancy from which on a group's factor is told."""
 LEAST = 2.0 - 1e-6
 """Redundancy a group must have, with its final weights too, for its factor to be iterated into the weights.
 
@@ -37,8 +35,6 @@ Others keep the σ they came with: the component of so small a group may run awa
 """
 ROUNDS = 100
 _SETTLED = 1e-7
-_SEPARABLE = 1e-6
-"""Smallest eigenvalue of Helmert's system, scaled to unit diagonal, from which the groups can be told apart."""
 
 
 class Components(NamedTuple):
@@ -66,7 +62,8 @@ def components(quality: Quality, method: Method = "simplified") -> Components:
     A group whose component comes out negative, which Helmert's estimate allows, has neither factor nor σ.
     """
     redundancy = group_sums(quality)[1]
-    return _told(_estimate(quality, method, redundancy >= _REPORTED))
+    # Redundancy from which on a group's factor is told.
+    return _told(_estimate(quality, method, redundancy >= 0.5))
 
 
 def _told(found: _Estimate) -> Components:
@@ -127,7 +124,8 @@ def _estimate(quality: Quality, method: Method, estimated: BoolArray) -> _Estima
     if system is not None:
         own, rest = system[np.ix_(estimated, estimated)], system[np.ix_(estimated, ~estimated)]
         size = np.sqrt(np.diagonal(own))
-        if rotations.eigvalsh(own / np.outer(size, size))[0] > _SEPARABLE:
+        # Smallest eigenvalue of Helmert's system, scaled to unit diagonal, from which the groups can be told apart.
+        if rotations.eigvalsh(own / np.outer(size, size))[0] > 1e-6:
             variances, spread = np.ones(len(omega)), np.full(len(omega), np.nan)
             inverse = rotations.inv(own)
             variances[estimated] = inverse @ (omega[estimated] - rest.sum(axis=1))

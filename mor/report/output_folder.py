@@ -53,8 +53,6 @@ except ImportError:  # not on Windows: there two runs at once are not told of ea
     fcntl = None  # type: ignore[assignment]
 
 _AT_WORKING_FOLDER = -100
-_EXCHANGE = 2
-"""Of the Linux call ``renameat2``."""
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 
@@ -195,7 +193,8 @@ def _exchanged(one: Path, other: Path) -> bool:
     if rename is None:
         return False
     here = ctypes.c_int(_AT_WORKING_FOLDER)
-    return bool(rename(here, os.fsencode(one), here, os.fsencode(other), ctypes.c_uint(_EXCHANGE)) == 0)
+    # Of the Linux call ``renameat2``.
+    return bool(rename(here, os.fsencode(one), here, os.fsencode(other), ctypes.c_uint(2)) == 0)
 
 
 def _tidy(place: Reservation) -> None:

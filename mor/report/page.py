@@ -73,8 +73,6 @@ from mor.report.view import View
 
 # ---- The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
 
-PAPERS = {"A4": "A4", "Letter": "letter"}
-"""Sizes of paper by what a person calls them, as CSS has them."""
 BROWSERS = (
     *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
     *("microsoft-edge", "microsoft-edge-stable", "msedge"),
@@ -127,7 +125,8 @@ def print_page(program: str, page: str, target: Path, paper: str) -> None:
     """Print a page as PDF by a browser. Raises :class:`InputError` if the browser does not."""
     with tempfile.TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder:
         sheet = Path(folder) / "report.html"
-        size = PAPERS[paper]
+        # Sizes of paper by what a person calls them, as CSS has them.
+        size = {"A4": "A4", "Letter": "letter"}[paper]
         style = f"<style>@page {{ size: {size}; }} @page wide {{ size: {size} landscape; }}</style></head>"
         sheet.write_text(page.replace("</head>", style, 1), encoding="utf-8")
         made = Path(folder) / "report.pdf"

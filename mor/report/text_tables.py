@@ -568,9 +568,6 @@ def _p(value: float | None) -> str:
 
 # ---- Points of a network on the earth: coordinates in its reference system, heights, σ east, north, up.
 
-_ANGULAR_DIGITS = {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}
-"""Decimals of latitudes and longitudes: a tenth of a millimetre."""
-
 
 def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """One line for each point, and what the coordinates refer to; nothing if the network is nowhere on the earth."""
@@ -583,7 +580,10 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     heights = [name for name in ("ellipsoidal_height", "orthometric_height") if frame[name].count()]
     columns = [name for name in own if name != "height"] + heights + ["seast", "snorth", "sup"]
     headers = ["point", *(f"{_said(name)} [{angle if name in ANGULAR else unit}]" for name in columns)]
-    digits = [_ANGULAR_DIGITS[angle] if name in ANGULAR else d for name in columns]
+    # Decimals of latitudes and longitudes: a tenth of a millimetre.
+    digits = [
+        {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in ANGULAR else d for name in columns
+    ]
     rows = [
         [row["id"], *(fixed(row[name], k) for name, k in zip(columns, digits, strict=True))]
         for row in frame.head(shown).to_dicts()

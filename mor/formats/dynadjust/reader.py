@@ -38,8 +38,6 @@ from mor.units import parse_dms
 _MARK = "!#=DNA"
 NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
 VALUES = 62
-_IDENTIFIERS = 142
-"""Column of the identifiers of a database, behind the values of a line."""
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _NO_VALUE = re.compile(r"(?<=\s)(?:\d\d?\.\d\d?\.\d{4}|[A-Za-z]\w*)(?=\s|$)")
 """Frames and epochs behind the values of a measurement."""
@@ -125,7 +123,8 @@ class MeasurementFile(Collected):
         if text[:1].strip():
             raise ValueError("the measurement is not complete: expected its values and covariances")
         self.at += 1
-        words = NUMBER.findall(text[VALUES:_IDENTIFIERS])
+        # Column of the identifiers of a database, behind the values of a line.
+        words = NUMBER.findall(text[VALUES:142])
         values = list(map(float, words))
         return values if all(-LARGEST <= value <= LARGEST for value in values) else list(map(parse_number, words))
 
@@ -317,7 +316,6 @@ COUNTED = 10_000
 """Most baselines or positions of one cluster: its covariance matrix is full."""
 VECTOR = ("dx", "dy", "dz")
 PAIRS = (("dx", "dx"), ("dx", "dy"), ("dx", "dz"), ("dy", "dy"), ("dy", "dz"), ("dz", "dz"))
-GEODETIC = ("latitude", "longitude", "height")
 VECTORS = "vectors"
 """Where the baselines that are in no cluster are collected."""
 
@@ -444,7 +442,7 @@ def _put_cluster(found: Collected, cluster: Cluster, places: FloatArray) -> None
     elif geodetic:
         # Covariances in radians and metres.
         units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
-        key = ("geodetic_position", ("point", *GEODETIC))
+        key = ("geodetic_position", ("point", "latitude", "longitude", "height"))
         found.clusters.setdefault(key, []).append((rows, whole * np.outer(units, units)))
     else:
         _put_geocentric(found, cluster.code, rows, whole)
@@ -742,7 +740,6 @@ def frame_of(words: list[str], draft: Draft, line: int = 1, default: Frame | Non
 ROOT = "DnaXmlFormat"
 STATIONS, MEASURED = "stn.xml", "msr.xml"
 _CASES = (str.lower, str.upper, str.capitalize)
-_SCALES = ("Vscale", "Pscale", "Lscale", "Hscale")
 
 
 def pair_of(path: Path) -> tuple[Path, Path, str]:
@@ -847,7 +844,7 @@ def _read_cluster(found: Collected, element: Element, code: str) -> None:
     Q = np.zeros((3 * count, 3 * count))
     for k, member in enumerate(members):
         _covariances(member, Q, k)
-    scales = scales_of([parse_number(_text(element, name) or "1") for name in _SCALES])
+    scales = scales_of([parse_number(_text(element, name) or "1") for name in ("Vscale", "Pscale", "Lscale", "Hscale")])
     if not isfinite(scales[0] * max(scales[1:]) * float(np.abs(Q).max())):
         raise ValueError("found a covariance that is not a finite number after scaling")
     words = f"{_text(element, 'ReferenceFrame')} {_text(element, 'Epoch')}".split()

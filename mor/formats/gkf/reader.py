@@ -754,7 +754,6 @@ def _term(
 # σ0 of the report.
 
 LEFT_HANDED = ("ne", "sw", "es", "wn")
-_X_AXIS = {"e": 300.0, "n": 0.0, "s": 200.0, "w": 100.0}
 
 
 def read_gkf(path: Path) -> Document:
@@ -784,7 +783,7 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     if clusters and not points:
         draft.problem("no points are given: each one needs <point id=…> with fix=… or adj=…", body.line)
     clusters = without_inactive(clusters, points, draft)
-    x_axis = _X_AXIS[axes[0]] * (1.0 if left else -1.0) * np.pi / 200.0
+    x_axis = {"e": 300.0, "n": 0.0, "s": 200.0, "w": 100.0}[axes[0]] * (1.0 if left else -1.0) * np.pi / 200.0
     y_sign = 1.0 if left == (axes in LEFT_HANDED) else -1.0
     tolerance = float(parameters.get("tol-abs", "1000")) / 1000.0
     clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, sigma_apriori, draft)

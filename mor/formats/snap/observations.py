@@ -762,7 +762,6 @@ NUMBERS = {
     "enu_correlation": (6, 6, 0),
 }
 """Types of errors: how many numbers follow a vector alone, one in a set; whether a matrix follows the set."""
-_LOWER = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
 
 
 class Member(NamedTuple):
@@ -896,7 +895,7 @@ def _covariance(
 
 def _symmetric(lower: list[float]) -> FloatArray:
     block = np.zeros((3, 3))
-    for (i, j), value in zip(_LOWER, lower, strict=False):
+    for (i, j), value in zip([(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)], lower, strict=False):
         block[i, j] = block[j, i] = value
     return block
 

@@ -68,7 +68,6 @@ _OUTPUT = (
     "magic_number",
 )
 """Commands that say what SNAP writes, how it solves and when it stops."""
-_STATION_COMMANDS = ("fix", "free", "float", "reject", "ignore", "accept")
 _OBSERVATION_COMMANDS = (
     "ignore_observations",
     "reject_observations",
@@ -225,7 +224,12 @@ def _read_commands(
             if name == "include":
                 file = _file_of(words, path)
                 _read_commands(found, file, draft, ignored, [*above, path])
-            elif name in (*_STATION_COMMANDS, *_OBSERVATION_COMMANDS, "recode", "ignore_missing_stations"):
+            elif name in (
+                *("fix", "free", "float", "reject", "ignore", "accept"),
+                *_OBSERVATION_COMMANDS,
+                "recode",
+                "ignore_missing_stations",
+            ):
                 found.later.append(_Command(name, line.words[1:], line.number, str(path), found.float_errors))
             elif name == "add_coordinate_file" or (name == "coordinate_file" and found.stations != Path()):
                 if found.stations == Path() and not draft.problems:
