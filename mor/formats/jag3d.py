@@ -41,7 +41,7 @@ _TYPES = {"1": "height_difference", "2": "directions", "3": "horizontal_distance
 """Types of observations by JAG3D's numbers; 6 to 8 are GNSS."""
 _SIGMA = {"directions": "5e-6", "zenith_angle": "5e-6"}
 SIGMA_LENGTH = "0.002"
-"""σ (rad, m) where neither a row nor its group says any."""
+"""σ (rad, m) where neither a row, or line, nor its group says any."""
 _FIXED, _OBSERVED, _DATUM = "1", "2", "3"
 _COLUMNS = {
     "height_difference": ("from", "to", "dz", "sigma"),
@@ -250,15 +250,7 @@ def _uncertainties(script: Script, draft: Draft) -> dict[str, str]:
 # ---- A folder of JAG3D's column text as a project; names of files tell their kinds.
 
 _SIGMAS = {"directions": "0.0003", "zenith_angle": "0.0003"}
-LENGTH_SIGMA, SIGMA_POINT = "0.002", "0.002"
-"""σ in gon and m where lines have none: those of the groups stand in JAG3D's project."""
-_COLUMNS_READ = {
-    "height_difference": ("from", "to", "dz", "sigma"),
-    "directions": ("station", "set", "to", "horizontal", "sigma"),
-    "horizontal_distance": ("from", "to", "distance", "sigma"),
-    "distance": ("from", "to", "distance", "sigma", "from_height", "to_height"),
-    "zenith_angle": ("from", "to", "zenith_angle", "sigma", "from_height", "to_height"),
-}
+"""σ in gon where lines have none: those of the groups stand in JAG3D's project."""
 
 
 def read_jag3d(path: Path) -> Document:
@@ -288,7 +280,7 @@ def read_jag3d(path: Path) -> Document:
     if others:
         draft.note(f"not read, for their names tell nothing: {', '.join(others[:10])}")
     for what, count in without.items():
-        draft.note(f"{counted(count, 'line')} of {what} without σ: {_SIGMAS.get(what, LENGTH_SIGMA)} gon or m is taken")
+        draft.note(f"{counted(count, 'line')} of {what} without σ: {_SIGMAS.get(what, SIGMA_LENGTH)} gon or m is taken")
     if not known or not draft.data.get("observations"):
         draft.problem("there are no points, or no observations: names of files tell what they are")
     if datum:
@@ -331,7 +323,7 @@ def _sigma(numbers: list[float], count: int) -> list[str]:
     if len(numbers) > count or any(value <= 0.0 for value in numbers):
         raise ValueError(f"found the σ {' '.join(map(repr, numbers))}, expected up to {count} numbers above 0")
     if not numbers:
-        return [SIGMA_POINT] * count
+        return [SIGMA_LENGTH] * count
     if len(numbers) == count:
         return [repr(value) for value in numbers]
     plan = [repr(numbers[0])] * min(count, 2)
@@ -357,7 +349,7 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
         except ValueError as error:
             draft.problem(str(error), line, str(file))
             continue
-        own = repr(sigma[0]) if sigma and 0.0 < sigma[0] < 1.0 else _SIGMAS.get(type_, LENGTH_SIGMA)
+        own = repr(sigma[0]) if sigma and 0.0 < sigma[0] < 1.0 else _SIGMAS.get(type_, SIGMA_LENGTH)
         without[type_] += not (sigma and 0.0 < sigma[0] < 1.0)
         if type_ == "directions":
             if start not in stations:
@@ -366,11 +358,11 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
             cells = [start, None if sets[start] == 1 else str(sets[start]), end, repr(value), own]
         else:
             cells = [start, end, repr(value), own]
-        if len(_COLUMNS_READ[type_]) == 6:
+        if len(_COLUMNS[type_]) == 6:
             cells += [repr(height) for height in heights]
         rows.append(Row(cells, line))
     if rows:
-        draft.table("observations", _COLUMNS_READ[type_], rows, str(file), type=type_, name=file.stem)
+        draft.table("observations", _COLUMNS[type_], rows, str(file), type=type_, name=file.stem)
 
 
 # ---- A terrestrial network as JAG3D's column text: a file for each kind of points and each set of directions.

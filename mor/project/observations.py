@@ -25,7 +25,7 @@ from mor.model.images import (
     phases,
     shutter_on_trajectory,
 )
-from mor.model.observation_types import PLAIN_TYPES, PROJECTION_CENTRE_TYPES
+from mor.model.observation_types import PROJECTION_CENTRE_TYPES
 from mor.model.parameters import READOUT
 from mor.model.shapes import RELATION_TYPES
 from mor.model.trajectory import CUBIC, on_trajectory
@@ -291,8 +291,6 @@ def _image_values(
 
 # ---- Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.
 
-TYPE_NAMES = ("image", *PLAIN_TYPES)
-"""Types of a project that is nowhere on the earth."""
 
 _NOT_PLANNED = "visible is for what is planned (mor design, mor simulate); here a file or rows are expected"
 

@@ -42,14 +42,13 @@ from mor.report.layout import (
     cells,
     heading,
     paragraphs,
-    placed,
     round_length,
     short,
     sigma_decimals,
     small_unit,
     table,
 )
-from mor.report.movements import widest_view
+from mor.report.movements import DRAWING_WIDTH, MARGIN, fitted, labels, widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
 from mor.report.page import asset, environment, running_heads
@@ -159,11 +158,9 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
 
 # ---- Drawings of a plan (SVG): the network with its sights and ellipses, and variants side by side.
 
-WIDTH, _MOST, _LEAST = 960, 640, 260
-_MARGIN, _LEGEND = 60, 30
-_MOST_SIGHTS, _MOST_LABELS = 3_000, 400
-_LETTER, _LINE = 7.2, 13.0
-"""Width of a letter and height of a line of a name."""
+_MOST = 640
+"""Largest height of the drawing of a network."""
+_MOST_SIGHTS = 3_000
 _BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
@@ -200,14 +197,10 @@ def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[
     if not len(everything):
         return Markup("")
     low, high = everything.min(axis=0), everything.max(axis=0)
-    extent = np.where(high > low, high - low, 1e-300)
-    room = np.array([WIDTH - 2 * _MARGIN, _MOST - 2 * _MARGIN - _LEGEND])
-    factor = float((room / extent).min()) if (high > low).any() else 1.0
-    height = max(float((high - low)[1]) * factor + 2 * _MARGIN + _LEGEND, _LEAST)
-    shift = np.array([WIDTH / 2.0, (height - _LEGEND) / 2.0]) - factor * (low + high) / 2.0
+    factor, height, middle = fitted(low, high, _MOST)
 
     def on_paper(place: FloatArray) -> FloatArray:
-        return np.asarray(place[..., axes] * signs * factor + shift)
+        return np.asarray((place[..., axes] * signs - (low + high) / 2.0) * factor + middle)
 
     parts = []
     for number, (kind, names) in enumerate(sights[:_MOST_SIGHTS]):
@@ -220,11 +213,12 @@ def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[
     for number, (name, place, covariance) in enumerate(zip(found.names, found.places, found.covariances, strict=True)):
         if np.isfinite(place).all():
             parts.append(_point(number, name, on_paper(place), _drawn(found, covariance)))
-    parts += _labels(found, on_paper(found.places), height)
+    xy = on_paper(found.places)
+    parts += labels(found.names, xy, np.flatnonzero(np.isfinite(xy).all(axis=1)), height, 7.2)
     parts.append(_scale_bar(found, height))
     label = escape(words("The network as planned"))
     return Markup(
-        f'<svg class="drawing" id="network" viewBox="0 0 {WIDTH} {height:.0f}" role="img" aria-label="{label}">'
+        f'<svg class="drawing" id="network" viewBox="0 0 {DRAWING_WIDTH} {height:.0f}" role="img" aria-label="{label}">'
         f"{''.join(parts)}</svg>"
     )
 
@@ -248,20 +242,6 @@ def _point(number: int, name: str, at: FloatArray, covariance: FloatArray) -> st
     )
 
 
-def _labels(found: NetworkDrawing, xy: FloatArray, height: float) -> list[str]:
-    """Names of points where nothing else is; none where there is no such place."""
-    known = np.flatnonzero(np.isfinite(xy).all(axis=1))[:_MOST_LABELS].tolist()
-    size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in known]).reshape(-1, 2)
-    edge = np.array([0.0, 0.0, WIDTH, height - _LEGEND])
-    said = []
-    for number, offset in placed(xy[known], size, edge):
-        x, y = xy[known[number]] + offset
-        said.append(
-            f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[known[number]])}</text>'
-        )
-    return said
-
-
 def _scale_bar(found: NetworkDrawing, height: float) -> str:
     wanted = 100.0 / found.ellipse_scale
     unit, factor = small_unit(found.unit, wanted)
@@ -269,8 +249,8 @@ def _scale_bar(found: NetworkDrawing, height: float) -> str:
     drawn = length / factor * found.ellipse_scale
     y = height - 14
     return (
-        f'<line class="bar" x1="{_MARGIN}" x2="{_MARGIN + drawn:.1f}" y1="{y:.0f}" y2="{y:.0f}"/>'
-        f'<text x="{_MARGIN + drawn + 8:.1f}" y="{y + 4:.0f}">1σ: {length:g} {unit}</text>'
+        f'<line class="bar" x1="{MARGIN}" x2="{MARGIN + drawn:.1f}" y1="{y:.0f}" y2="{y:.0f}"/>'
+        f'<text x="{MARGIN + drawn + 8:.1f}" y="{y + 4:.0f}">1σ: {length:g} {unit}</text>'
     )
 
 
@@ -302,7 +282,7 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
         y += _GAP
     label = escape(words("Variants"))
     return Markup(
-        f'<svg class="drawing variants" viewBox="0 0 {WIDTH} {y:.0f}" role="img" aria-label="{label}">'
+        f'<svg class="drawing variants" viewBox="0 0 {DRAWING_WIDTH} {y:.0f}" role="img" aria-label="{label}">'
         f"{''.join(parts)}</svg>"
     )
 

@@ -20,6 +20,7 @@ from mor.report.layout import (
     ORANGE,
     RED,
     Figure,
+    ellipse_lines,
     figure,
     joined,
     normal_bins,
@@ -35,7 +36,8 @@ from mor.units import LENGTH_UNITS
 # ---- Charts of a camera: radial distortion and distortion vectors with confidence, correlations, mean residuals.
 
 CONFIDENCE = 0.95
-_BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
+BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
+"""Half the width of a band of confidence, in units of σ."""
 _AROUND = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
 
 
@@ -83,7 +85,7 @@ def distortion_curve(camera: dict[str, Any], area: Window, words: Words = ENGLIS
     curve = radial_curve(camera, largest)
     unit, factor = small_unit(str(camera["unit"]), float(np.abs(curve.shift).max(initial=0.0)))
     radius, shift = curve.radius, curve.shift * factor
-    beside = _BESIDE * curve.sigma * factor
+    beside = BESIDE * curve.sigma * factor
     band = {
         "type": "scatter",
         "mode": "lines",
@@ -123,7 +125,8 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLIS
     tips = ideal + scale * outcome.shift
     largest = float(np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2).max(initial=0.0)))
     enlarged = round_length(0.5 * spacing / (_AROUND * largest)) if largest > 0.0 else scale
-    around = _ellipses(tips, outcome.covariance, enlarged * _AROUND)
+    around = ellipse_lines(tips, outcome.covariance, enlarged * _AROUND, 21)
+    around = np.concatenate([around, np.full((len(tips), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     unit = str(camera["unit"])
     traces = _vectors(ideal, tips, words("distortion × {scale}", scale=f"{scale:g}"), BLUE)
     bar = _scale_bar(size, scale, unit, area)
@@ -133,8 +136,8 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLIS
                 "type": "scatter",
                 "mode": "lines",
                 "name": words("{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"),
-                "x": around[0],
-                "y": around[1],
+                "x": numbers(around[:, 0]),
+                "y": numbers(around[:, 1]),
                 "line": {"color": ORANGE, "width": 1.2},
                 "hoverinfo": "skip",
             }
@@ -173,7 +176,7 @@ def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:
 
 
 def _vectors(start: FloatArray, end: FloatArray, name: str, colour: str) -> list[dict[str, Any]]:
-    x, y = joined(start, end)
+    x, y = map(numbers, joined(start, end))
     lines = {
         "type": "scatter",
         "mode": "lines",
@@ -193,16 +196,6 @@ def _vectors(start: FloatArray, end: FloatArray, name: str, colour: str) -> list
         "hoverinfo": "skip",
     }
     return [lines, feet]
-
-
-def _ellipses(centre: FloatArray, covariance: FloatArray, scale: float) -> tuple[list[Any], list[Any]]:
-    """Lines of ellipses about centres (n, 2): the images of the unit circle under a square root of the covariance."""
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    t = np.linspace(0.0, 2.0 * np.pi, 21)
-    around = centre[:, None, :] + scale * np.einsum("nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)]))
-    closed = np.concatenate([around, np.full((len(centre), 1, 2), np.nan)], axis=1).reshape(-1, 2)
-    return numbers(closed[:, 0]), numbers(closed[:, 1])
 
 
 def _scale_bar(size: float, scale: float, unit: str, area: Window) -> dict[str, Any]:

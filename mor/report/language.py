@@ -115,11 +115,8 @@ class Sentences:
         # Clauses within clauses.
         return self._said(text, 6)
 
-    def recognised(self, text: str) -> Sentence | None:
-        """The sentence that a text with values is taken for."""
-        return next((sentence for sentence, _ in self._candidates(text)), None)
-
-    def _candidates(self, text: str) -> Iterator[tuple[Sentence, dict[str, str]]]:
+    def candidates(self, text: str) -> Iterator[tuple[Sentence, dict[str, str]]]:
+        """The sentences that a text may be, with its values, the likeliest first."""
         for sentence in self._sentences:
             values = sentence.values(text)
             if values is not None:
@@ -128,7 +125,7 @@ class Sentences:
     def _said(self, text: str, depth: int) -> str:
         if text in self.catalogue and "{" not in text:
             return self.catalogue[text]
-        for sentence, values in self._candidates(text) if depth else ():
+        for sentence, values in self.candidates(text) if depth else ():
             said = self._filled(sentence, values, depth - 1)
             # Letters of *and*, *or*, *of*, which alone are no sentence.
             if sentence.letters > 3 or (said != text and self._all_known(sentence, values, depth - 1)):

@@ -375,11 +375,20 @@ def numbers(values: FloatArray) -> list[float | None]:
     return [float(f"{value:.{FIGURE_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
-def joined(start: FloatArray, end: FloatArray) -> tuple[list[float | None], list[float | None]]:
-    """x and y of separate lines from start to end (n, 2)."""
-    gap = np.full((len(start), 1), np.nan)
-    x = np.column_stack([start[:, 0], end[:, 0], gap]).ravel()
-    return numbers(x), numbers(np.column_stack([start[:, 1], end[:, 1], gap]).ravel())
+def joined(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """x and y of separate lines from start to end (n, 2), with gaps (NaN) between them."""
+    gap = np.full(len(start), np.nan)
+    x, y = (np.column_stack([start[:, k], end[:, k], gap]).ravel() for k in (0, 1))
+    return x, y
+
+
+def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float, count: int) -> FloatArray:
+    """(n, count, 2) lines of ellipses about centres (n, 2): the unit circle under a square root of the covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    t = np.linspace(0.0, 2.0 * np.pi, count)
+    around = np.einsum("nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)]))
+    return np.asarray(centre[:, None, :] + scale * around)
 
 
 def round_length(value: float) -> float:

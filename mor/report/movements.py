@@ -11,18 +11,16 @@ from markupsafe import Markup, escape
 from scipy.special import chdtri
 
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import at_edge, frame_of, placed, round_length, small_unit, with_distances
+from mor.report.layout import NO_MARKS, at_edge, frame_of, placed, round_length, small_unit, with_distances
 from mor.report.page_data import covariances, drawn_axes
-from mor.types import BoolArray, FloatArray
+from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Movements between two epochs as a drawing (SVG): vectors from ellipses of confidence, labels that do not overlap.
 
 DRAWING_WIDTH = 960
 _LEAST, _MOST = 260, 560
 """Heights between which the drawing has that of its network."""
-_MARGIN, _LEGEND = 60, 30
-_LETTER, _LINE = 6.6, 13.0
-"""Width of a letter and height of a line of a label."""
+MARGIN, LEGEND = 60, 30
 _AROUND = float(np.sqrt(chdtri(2, 0.05)))
 """Semi-axes of an ellipse of 95 % in units of those of 1σ."""
 _TIP = (
@@ -92,7 +90,9 @@ def movement_drawing(found: PointMovements, words: Words = ENGLISH) -> Markup:
     scale = 0.1 * _MOST / largest if largest > 0.0 else 1.0
     parts = [_ellipse(p, c * scale**2) for p, c in zip(xy, covariances, strict=True)]
     parts += [_vector(p, p + scale * v, m) for p, v, m in zip(xy, vectors, found.moved, strict=True)]
-    parts += _labels(found, xy, xy + scale * vectors, height)
+    order = np.argsort(~found.moved, kind="stable")
+    others = np.concatenate([np.delete(xy, order[:400], axis=0), (xy + scale * vectors)[found.moved]])
+    parts += labels(found.names, xy, order, height, 6.6, others, found.moved)
     parts += [_bar(scale, found.unit, height, words), *_axes(axes, signs, factor, found.unit, height)]
     label = escape(words("Movements between the epochs"))
     return Markup(
@@ -107,13 +107,17 @@ def _on_paper(found: PointMovements, axes: tuple[int, int]) -> tuple[FloatArray,
     xy = found.places[:, axes] * signs
     low, high = frame_of(xy) or (xy.min(axis=0), xy.max(axis=0))
     xy, away = at_edge(xy, low, high)
-    room = np.array([DRAWING_WIDTH - 2 * _MARGIN, _MOST - 2 * _MARGIN - _LEGEND], dtype=float)
+    factor, height, middle = fitted(low, high, _MOST)
+    return (xy - (low + high) / 2.0) * factor + middle, away, factor, height
+
+
+def fitted(low: FloatArray, high: FloatArray, most: float) -> tuple[float, float, FloatArray]:
+    """Units of a drawing per unit of its frame, its height (``most`` at most), and the middle of its frame."""
+    room = np.array([DRAWING_WIDTH - 2 * MARGIN, most - 2 * MARGIN - LEGEND], dtype=float)
     extent = np.where(high > low, high - low, 1e-300)
     factor = float((room / extent).min()) if (high > low).any() else 1.0
-    height = max(float(high[1] - low[1]) * factor + 2 * _MARGIN + _LEGEND, _LEAST)
-    middle = np.array([DRAWING_WIDTH / 2.0, (height - _LEGEND) / 2.0])
-    placed: FloatArray = (xy - (low + high) / 2.0) * factor + middle
-    return placed, away, factor, height
+    height = max(float(high[1] - low[1]) * factor + 2 * MARGIN + LEGEND, _LEAST)
+    return factor, height, np.array([DRAWING_WIDTH / 2.0, (height - LEGEND) / 2.0])
 
 
 def _ellipse(centre: FloatArray, covariance: FloatArray) -> str:
@@ -133,38 +137,47 @@ def _vector(start: FloatArray, end: FloatArray, moved: bool) -> str:
     return dot + line + (' marker-end="url(#tip)"/>' if moved else "/>")
 
 
-def _labels(found: PointMovements, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
-    """Names, those of moved points first, each where nothing else is; none where there is no such place."""
-    order = np.argsort(~found.moved, kind="stable")[:400].tolist()
-    size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in order]).reshape(-1, 2)
-    edge = np.array([0.0, 0.0, DRAWING_WIDTH, height - _LEGEND])
-    others = np.concatenate([np.delete(xy, order, axis=0), tips[found.moved]])
+def labels(
+    names: Sequence[str],
+    xy: FloatArray,
+    order: IntArray,
+    height: float,
+    letter: float,
+    others: FloatArray = NO_MARKS,
+    strong: BoolArray | None = None,
+) -> list[str]:
+    """The first 400 names in an order, each where nothing else is; none where there is no such place.
+
+    ``letter`` is the width of a letter, ``others`` are places (m, 2) of further marks, ``strong`` (n,) names in bold.
+    """
+    some = order[:400].tolist()
+    size = np.array([(letter * len(names[k]), 13.0) for k in some]).reshape(-1, 2)
     said = []
-    for number, offset in placed(xy[order], size, edge, others):
-        k = order[number]
-        (x, y), weight = xy[k] + offset, ' class="strong"' if found.moved[k] else ""
-        said.append(f'<text{weight} x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[k])}</text>')
+    for number, offset in placed(xy[some], size, np.array([0.0, 0.0, DRAWING_WIDTH, height - LEGEND]), others):
+        k = some[number]
+        (x, y), weight = xy[k] + offset, ' class="strong"' if strong is not None and strong[k] else ""
+        said.append(f'<text{weight} x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(names[k])}</text>')
     return said
 
 
 def _bar(scale: float, unit: str, height: float, words: Words) -> str:
     length = round_length(0.12 * DRAWING_WIDTH / scale)
     said, factor = small_unit(unit, length)
-    y = height - _LEGEND / 2
+    y = height - LEGEND / 2
     text = escape(words("{length} in movements and ellipses (95 %)", length=f"{length * factor:g} {said}"))
     return (
-        f'<line class="bar" x1="{_MARGIN}" y1="{y}" x2="{_MARGIN + scale * length:.1f}" y2="{y}"/>'
-        f'<text x="{_MARGIN + scale * length + 8:.1f}" y="{y + 4}">{text}</text>'
+        f'<line class="bar" x1="{MARGIN}" y1="{y}" x2="{MARGIN + scale * length:.1f}" y2="{y}"/>'
+        f'<text x="{MARGIN + scale * length + 8:.1f}" y="{y + 4}">{text}</text>'
     )
 
 
 def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, height: float) -> list[str]:
     length = round_length(0.2 * DRAWING_WIDTH / factor)
-    x, y = DRAWING_WIDTH - _MARGIN - factor * length, height - _LEGEND / 2
+    x, y = DRAWING_WIDTH - MARGIN - factor * length, height - LEGEND / 2
     names = ["XYZ"[k] for k in axes]
     arrows = ("→" if signs[0] > 0 else "←"), ("↑" if signs[1] < 0 else "↓")
     return [
-        f'<line class="bar" x1="{x:.1f}" y1="{y}" x2="{DRAWING_WIDTH - _MARGIN}" y2="{y}"/>',
+        f'<line class="bar" x1="{x:.1f}" y1="{y}" x2="{DRAWING_WIDTH - MARGIN}" y2="{y}"/>',
         f'<text x="{x - 8:.1f}" y="{y + 4}" text-anchor="end">{names[0]} {arrows[0]} {names[1]} {arrows[1]}, '
         f"{length:g} {unit}</text>",
     ]

@@ -13,8 +13,8 @@ import polars as pl
 from mor.errors import InputError, Message, escaped, nearest, shortened
 from mor.model.cameras import CAMERA_MODELS
 from mor.output_files import write_file
+from mor.report.figures import BESIDE, RAY_CLASSES, Overlap, camera_window, overlap
 from mor.report.figures import CONFIDENCE as CAMERA_CONFIDENCE
-from mor.report.figures import RAY_CLASSES, Overlap, camera_window, overlap
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     BLUE,
@@ -23,6 +23,8 @@ from mor.report.layout import (
     ORANGE,
     RED,
     at_edge,
+    ellipse_lines,
+    joined,
     normal_bins,
     placed,
     round_length,
@@ -136,8 +138,6 @@ def spell_out(figure: Figure) -> None:
 
 # ---- A camera: radial distortion with its band of confidence, and the correlations of its components.
 
-_BESIDE = 1.959963984540054
-
 
 def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figure:
     """Distortion and correlations of one camera, the first if none is named. Raises :class:`InputError`."""
@@ -167,7 +167,7 @@ def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> No
     largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
     curve = radial_curve(camera, largest, 121)
     unit, factor = small_unit(str(camera["unit"]), float(np.abs(curve.shift).max(initial=0.0)))
-    beside = _BESIDE * curve.sigma
+    beside = BESIDE * curve.sigma
     low, high = (curve.shift - beside) * factor, (curve.shift + beside) * factor
     band = words("{share} confidence", share=f"{CAMERA_CONFIDENCE:.0%}")
     axes.fill_between(curve.radius, low, high, color=BLUE, alpha=0.3, lw=0, label=band)
@@ -313,8 +313,8 @@ def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None
         pairs = found.filter(found["kind"] == kind).select("a", "b").to_numpy()
         # Sights of a kind that a picture can show.
         if 0 < len(pairs) <= 5000:
-            x, y = _lines(xyz[pairs[:, 0]], xyz[pairs[:, 1]])
-            axes.plot(x, y, line, color=colour, lw=width, label=words(name), zorder=1.5)
+            lines = joined(xyz[pairs[:, 0]], xyz[pairs[:, 1]])
+            axes.plot(*lines, line, color=colour, lw=width, label=words(name), zorder=1.5)
 
 
 def draw_paths(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
@@ -373,12 +373,6 @@ def draw_effects(view: View, axes: Axes, chosen: list[int], words: Words) -> Non
     axes.quiver(start[:, 0], start[:, 1], vectors[:, 0], vectors[:, 1], color=BLUE, label=label, **drawn, zorder=4)
 
 
-def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
-    gap = np.full((len(start), 1), np.nan)
-    x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
-    return x, y
-
-
 # ---- The network in plan (or elevation): points, images, stations, rays, and error ellipses where they are asked for.
 
 
@@ -389,9 +383,7 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
     rays = rays_of(view)
     if 0 < len(rays.frame) <= 5000:
         start, end = centres(view)[rays.frame][:, chosen], places(view)[rays.point][:, chosen]
-        gap = np.full((len(start), 1), np.nan)
-        x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
-        axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
+        axes.plot(*joined(start, end), color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
     _draw_network(view, axes, chosen, words)
     _finish(view, axes, chosen, words)
     draw_names(view, axes, chosen)
@@ -442,7 +434,7 @@ def ellipses(
         factor, name = CONFIDENCE[confidence]
         drawn, xy = scale * factor, places(view)[:, chosen]
         large = axis > _TOO_LARGE * typical
-        lines = ellipse_lines(xy, covariance, drawn)[(axis > 0.0) & ~large]
+        lines = ellipse_lines(xy, covariance, drawn, 49)[(axis > 0.0) & ~large]
         label = words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}")
         axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=0.8, label=label))
         if large.any():
@@ -460,17 +452,6 @@ def ellipses(
         _finish(view, axes, chosen, words)
     draw_names(view, axes, chosen)
     return figure
-
-
-def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float) -> FloatArray:
-    """(n, 49, 2) standard ellipses about centres (n, 2), enlarged."""
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    t = np.linspace(0.0, 2.0 * np.pi, 49)
-    lines: FloatArray = centre[:, None, :] + scale * np.einsum(
-        "nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)])
-    )
-    return lines
 
 
 def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
@@ -657,9 +638,7 @@ def _image(axes: Axes, rows: pl.DataFrame, area: Window, scale: float) -> None:
     tips = xy + scale * rows.select("vx", "vy").to_numpy()
     gross = rows["flag"].str.contains("gross").to_numpy()
     for chosen, colour, width in ((~gross, BLUE, 0.9), (gross, RED, 1.8)):
-        gap = np.full((int(chosen.sum()), 1), np.nan)
-        x, y = (np.column_stack([xy[chosen, k], tips[chosen, k], gap[:, 0]]).ravel() for k in (0, 1))
-        axes.plot(x, y, color=colour, lw=width)
+        axes.plot(*joined(xy[chosen], tips[chosen]), color=colour, lw=width)
         axes.plot(
             xy[chosen, 0], xy[chosen, 1], "x" if colour == RED else ".", color=colour, ms=6 if colour == RED else 2
         )

@@ -14,8 +14,8 @@ pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
 from mor.cli import run
 from mor.cli.plot import KINDS, view_of_source
+from mor.report.layout import ellipse_lines
 from mor.report.page_data import covariances
-from mor.report.plots import ellipse_lines
 from mor.report.summary import SCHEMA_VERSION
 from mor.report.view import View
 from tests.scenarios.small_projects import LEVELLING, mor
@@ -61,7 +61,7 @@ def test_results_on_disk_and_the_project_show_the_same(results: Path) -> None:
 def test_ellipse_has_the_semi_axes_of_the_covariance() -> None:
     turn = np.array([[0.8, -0.6], [0.6, 0.8]])
     covariance = turn @ np.diag([4.0, 0.25]) @ turn.T
-    line = ellipse_lines(np.array([[10.0, 20.0]]), covariance[None], 3.0)[0] - [10.0, 20.0]
+    line = ellipse_lines(np.array([[10.0, 20.0]]), covariance[None], 3.0, 49)[0] - [10.0, 20.0]
     size = np.hypot(*line.T)
     assert size.max() == pytest.approx(6.0)
     assert size.min() == pytest.approx(1.5)

@@ -11,8 +11,8 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import read_yaml
-from mor.project.observations import TYPE_NAMES
 from mor.project.schema import ProjectFile
 from tests.scenarios.small_projects import mor
 
@@ -78,7 +78,7 @@ def test_every_observation_type_has_an_example() -> None:
     shown = {
         group["type"] for example in FRAGMENTS for group in read_yaml(example, "example").data.get("observations", [])
     }
-    assert shown >= set(TYPE_NAMES) | {"parameter", "difference"}
+    assert shown >= {"image", *PLAIN_TYPES, "parameter", "difference"}
 
 
 def test_there_are_examples_of_most_sections() -> None:
