@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from glob import glob
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -137,8 +137,3 @@ def _last_line(log: Path) -> str:
 
 def _said(value: Any) -> str:
     return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)
-
-
-def failed(rows: Sequence[BatchRow]) -> int:
-    """Number of projects that fail: without results, rejected by their exit code, or other than those kept."""
-    return sum(row.fails for row in rows)

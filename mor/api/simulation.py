@@ -46,7 +46,6 @@ from mor.plan.simulation import (
 )
 from mor.project.document import Document
 from mor.project.network import Network
-from mor.quality.solution import Solved
 from mor.report.output_folder import Reservation, write_folder
 from mor.report.results import PROJECT, table_writer
 from mor.report.simulation import planted_table, simulated_project, truth_table
@@ -160,7 +159,6 @@ class Prepared(NamedTuple):
 
     trial: SimulationTask
     network: Network
-    solved: Solved
     truth: Truth | None
     """Nothing where the plan has no solution."""
 
@@ -171,9 +169,9 @@ def prepared(trial: SimulationTask) -> Prepared:
     with one_thread():
         solved = solve_plan(network)
     if solved.quality is None or solved.network.original is not None:
-        return Prepared(trial, network, solved, None)
+        return Prepared(trial, network, None)
     problem = make_problem(network, network.start, network.start)
-    return Prepared(trial, network, solved, Truth(problem, network.start, solved.quality))
+    return Prepared(trial, network, Truth(problem, network.start, solved.quality))
 
 
 def chunk_of(ready: Prepared, first: int, count: int) -> Tally:

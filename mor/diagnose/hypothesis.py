@@ -411,9 +411,6 @@ class Offered(NamedTuple):
     """A hypothesis that explains the observations much better than they are without it."""
 
     hypothesis: Hypothesis
-    before: float
-    """vᵀPv of the plain adjustment, or of its last iteration; not finite where there was none."""
-    freedom_before: int
     after: float
     """vᵀPv with the change."""
     freedom_after: int

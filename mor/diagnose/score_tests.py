@@ -73,8 +73,6 @@ class _Candidate(NamedTuple):
     """True if x is 1."""
     amount: tuple[str, float] | None = None
     """Name of the parameter and its present value, if it is reported."""
-    alike: int = 1
-    """How many candidates of the kind were looked through."""
     ratio: float | None = None
     """Factor between the observations as they may be meant and as they were read, for a table in another unit."""
 
@@ -273,7 +271,7 @@ def _interiors(
                 change = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
                 line = f"images, {image}: camera: {name}"
                 part = (number, rows, change[:, :, None])
-                yield _Candidate("camera of images", (image, name), line, (part,), True, alike=len(camera_of))
+                yield _Candidate("camera of images", (image, name), line, (part,), True)
 
 
 def _observed_interiors(
@@ -294,7 +292,7 @@ def _observed_interiors(
         line = f"cameras, {name}: interior: {{{key}: {{free: …}}}}"
         amount = (key, float(group.observed[row, k])) if cause == "image scale" else None
         part = (number, np.array([row]), unit)
-        yield _Candidate(cause, (name,), line, (part,), amount=amount, alike=group.count)
+        yield _Candidate(cause, (name,), line, (part,), amount=amount)
 
 
 def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
@@ -306,7 +304,7 @@ def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator
         change = 2.0 * np.nan_to_num(group.observed[rows])[:, :, None]
         line = f"{where(group, row)}: {names[1]} → {names[0]}"
         cause = "levelling sign" if len(group.type.components) == 1 else "vector sign"
-        yield _Candidate(cause, names, line, ((number, rows, change),), definite=True, alike=group.count)
+        yield _Candidate(cause, names, line, ((number, rows, change),), definite=True)
 
 
 def _with_blocks(group: ObservationGroup, values: Values, rows: IntArray, blocks: dict[int, IntArray]) -> FloatArray:
@@ -337,9 +335,7 @@ def _units(number: int, group: ObservationGroup) -> Iterator[_Candidate]:
         for words, ratio in ((name, factor), (" for ".join(reversed(name.split(" for "))), 1.0 / factor)):
             change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
             line = f"observations, {group.name}: units: {words.split()[0]}"
-            yield _Candidate(
-                "table unit", (group.name, words), line, ((number, rows, change),), True, alike=6, ratio=ratio
-            )
+            yield _Candidate("table unit", (group.name, words), line, ((number, rows, change),), True, ratio=ratio)
 
 
 def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
@@ -372,7 +368,7 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
             changes.append(("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other))
         for cause, about, line, other in changes:
             part = (number, rows, _read_otherwise(values, group, rows, other)[:, :, None])
-            yield _Candidate(cause, about, line, (part,), True, alike=len(sets))
+            yield _Candidate(cause, about, line, (part,), True)
 
 
 def _angle_units(angles: FloatArray) -> Iterator[tuple[str, float]]:
@@ -421,7 +417,7 @@ def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolAr
         change[0, column, 0] = np.pi * np.sign(size)
         names = tuple(column_[row] for column_ in group.references[:2])
         line = f"{where(group, row)}: horizontal + 200 gon"
-        yield _Candidate("face", names, line, ((number, np.array([row]), change),), True, alike=group.count)
+        yield _Candidate("face", names, line, ((number, np.array([row]), change),), True)
 
 
 _LEAST_TURNED = 2
@@ -450,7 +446,6 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
                 (name, group.references[1][int(turned[0])]),
                 f"{where(group, int(turned[0]))}: a set of its own from here on",
                 ((number, turned, unit),),
-                alike=len(rows),
             )
 
 
@@ -482,7 +477,7 @@ def _exchanges(
                 continue
             line = f"{where(group, int(pair[0]))}: {names[1]}; {where(group, int(pair[1]))}: {names[0]}"
             part = (number, pair, change[2 * k : 2 * k + 2, :, None])
-            yield _Candidate("names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs))
+            yield _Candidate("names exchanged", (frame, *sorted(names)), line, (part,), definite=True)
 
 
 def _wrong_names(
@@ -506,7 +501,7 @@ def _wrong_names(
             blocks = {slot: np.array([block]) for slot, block in one.blocks.items()}
             change = _with_blocks(network.groups[one.group], values, row, blocks)
             parts.append((one.group, row, change[:, :, None]))
-        yield _Candidate(cause, things, line, tuple(parts), definite=True, alike=same[0].candidates)
+        yield _Candidate(cause, things, line, tuple(parts), definite=True)
 
 
 def _set_ups(
@@ -543,11 +538,11 @@ def _set_ups(
                 change = _read_otherwise(values, group, rows, np.nan_to_num(group.observed[rows]) - moved)
                 parts.append((number, rows, change[:, :, None]))
         line = f"stations: {pair[0]} ↔ {pair[1]}"
-        yield _Candidate("set-ups exchanged", pair, line, tuple(parts), True, alike=len(ordered))
+        yield _Candidate("set-ups exchanged", pair, line, tuple(parts), True)
         own = {(number, slot) for name in pair for number, slot, _ in sights[name]}
         others = _of_exchanged_points(problem, values, adjusted, (places[0], places[1]), own)
         if others:  # the same, if the points have moved to where their instruments stood
-            yield _Candidate("set-ups exchanged", pair, line, others, True, alike=len(ordered))
+            yield _Candidate("set-ups exchanged", pair, line, others, True)
 
 
 def _of_exchanged_points(
@@ -654,7 +649,7 @@ def _control(
                 unit = np.zeros((1, group.observed.shape[1], len(some)))
                 unit[0, some, np.arange(len(some))] = 1.0
                 part = (k, np.array([row]), unit)
-                yield _Candidate("control moved", (name,), line, (part,), alike=group.count)
+                yield _Candidate("control moved", (name,), line, (part,))
         rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))
         sizes = np.nan_to_num(np.abs(quality.reliability[k].at(rows).test)).max(axis=1, initial=0.0)
         rows = rows[np.argsort(-sizes, kind="stable")[:_PAIRS]]
@@ -670,7 +665,6 @@ def _control(
                 f"{of}: {names[0]} ↔ {names[1]}",
                 ((k, np.array(pair), change[:, :, None]),),
                 definite=True,
-                alike=max(len(rows) * (len(rows) - 1) // 2, 1),
             )
     free = problem.index.blocks["point"].free
     fixed: dict[int, list[tuple[int, IntArray, FloatArray]]] = {}
@@ -688,8 +682,8 @@ def _control(
         change_parts = _of_exchanged_points(problem, values, adjusted, pair)
         names = (ids[pair[0]], ids[pair[1]])
         line = f"points: {names[0]} ↔ {names[1]}"
-        alike = max(len(fixed) * (len(fixed) - 1) // 2, 1)
-        yield _Candidate("control exchanged", names, line, change_parts, True, alike=alike)
+
+        yield _Candidate("control exchanged", names, line, change_parts, True)
     for point, parts in fixed.items():
         yield _Candidate("control moved", (ids[point],), f"points, {ids[point]}: x, y, z", tuple(parts))
 

@@ -289,8 +289,6 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
     return tuple(
         Offered(
             one.hypothesis,
-            before.told,
-            before.freedom,
             one.fit.omega,
             one.fit.freedom,
             _gain(situation, one.fit),

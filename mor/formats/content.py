@@ -284,8 +284,6 @@ class ImageBlock(NamedTuple):
     images: ContentTable
     points: ContentTable
     rays: ImagePoints
-    cameras: dict[str, str]
-    """Camera of each image."""
 
 
 def block(content: Content, what: str, found: ContentTable, corner: bool = True) -> ImageBlock:
@@ -299,7 +297,7 @@ def block(content: Content, what: str, found: ContentTable, corner: bool = True)
     if not rays.images:
         words = f"{what} has image blocks; this project has no image points"
         raise InputError([Message(words, content.document.file)])
-    return ImageBlock(found, with_undeclared(content, places, rays.points), rays, used)
+    return ImageBlock(found, with_undeclared(content, places, rays.points), rays)
 
 
 def frames(content: Content, what: str) -> ContentTable:

@@ -18,7 +18,7 @@ SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png", ".webp", ".heic")
 SIGMA_PLAN, SIGMA_HEIGHT = 5.0, 10.0
 """σ of positions that say no accuracy, m: those of a camera's own receiver."""
 _EXIF_PART, _GPS_PART = 0x8769, 0x8825
-_MAKE, _MODEL, _FOCAL, _FOCAL_35, _WIDTH, _HEIGHT = 0x010F, 0x0110, 0x920A, 0xA405, 0xA002, 0xA003
+_MAKE, _MODEL, _FOCAL, _FOCAL_35 = 0x010F, 0x0110, 0x920A, 0xA405
 
 
 class Photograph(NamedTuple):

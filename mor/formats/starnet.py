@@ -107,7 +107,6 @@ ANGLES = ("angle", "direction", "bearing", "zenith")
 class Instrument:
     """σ of observations that have none, and of centring: what the project options say, else what mor assumes."""
 
-    name: str = ""
     sigma: dict[str, float] = field(
         default_factory=lambda: (
             {"angle": 4.0, "direction": 4.0, "bearing": 4.0, "zenith": 10.0}
@@ -612,8 +611,7 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
             parse_number(found.get(f"{key}_centering_error", "0")) for key in ("instrument", "target", "vertical")
         ]
         ppm = parse_number(found.get("edm_ppm", "0"))
-        one = Instrument(name, sigma, ppm, (centring[0], centring[1], centring[2]))
-        network.library[name.upper()] = one
+        network.library[name.upper()] = Instrument(sigma, ppm, (centring[0], centring[1], centring[2]))
     network.instrument = network.library[""]
     return files
 

@@ -612,19 +612,6 @@ def row_cofactors_plainly(
     return result
 
 
-def gather(matrix: BlockMatrix, block_of: IntArray, columns: IntArray) -> FloatArray:
-    """Dense (k, k) part of a block matrix for the unknowns ``columns`` (k,), all in stored blocks."""
-    places, _ = _places(Target(matrix.structure, block_of), columns[None, :], lower_only=False)
-    return np.where(places[0] >= 0, matrix.values[places[0]], 0.0)
-
-
-def scatter(into: Target, values: FloatArray, columns: IntArray, dense: FloatArray) -> None:
-    """Add a dense symmetric (k, k) matrix to the unknowns ``columns`` (k,), all different."""
-    places, _ = _places(into, columns[None, :], lower_only=True)
-    stored = places[0] >= 0
-    np.add.at(values, places[0][stored], dense[stored])
-
-
 def _places(into: Target, columns: IntArray, *, lower_only: bool) -> tuple[IntArray, IntArray]:
     """Places (n, K, K) in the flat values of all pairs of columns (n, K); −1 where fixed (or not in the lower part)."""
     structure = into.structure

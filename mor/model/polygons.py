@@ -104,8 +104,7 @@ class Triangles:
     """(m, 3, 3) corners of each."""
     normals: FloatArray
     """(m, 3) unit normals."""
-    number: IntArray
-    """(m,) which triangle of those given each of them is."""
+
     boxes: tuple[tuple[FloatArray, FloatArray], ...]
     """By level from the root, lowest and highest coordinates (2^level, 3) of the boxes; the last level has leaves."""
 
@@ -129,9 +128,7 @@ def triangles(corners: FloatArray, normals: FloatArray | None = None) -> Triangl
     while len(level[0]) > 1:
         level = level[0].reshape(-1, 2, 3).min(axis=1), level[1].reshape(-1, 2, 3).max(axis=1)
         boxes.append(level)
-    return Triangles(
-        corners, normals, order, tuple((low, np.where(low > high, low, high)) for low, high in reversed(boxes))
-    )
+    return Triangles(corners, normals, tuple((low, np.where(low > high, low, high)) for low, high in reversed(boxes)))
 
 
 def face_normals(corners: FloatArray) -> FloatArray:

@@ -367,7 +367,7 @@ class MovingPoint:
 
     name: str
     steps: list[tuple[float, int]]
-    """Times from which on other coordinates hold, ascending, and their blocks; before the first the point's own."""
+    """Start times of other coordinates, ascending, and their blocks; before the first the point's own."""
     block: int
     """Its own block: before all steps, or in its first epoch."""
     own_epochs: bool = False
@@ -449,7 +449,7 @@ class Scanner(NamedTuple):
 
 
 class RowTimes(NamedTuple):
-    """Times of rows of an image of a line scanner, counted from its upper edge; linear in between."""
+    """Row times of an image of a line scanner, from its upper edge; linear in between."""
 
     rows: FloatArray
     times: FloatArray
@@ -573,10 +573,10 @@ class Reading:
     broken: set[str] = field(default_factory=set)
     """Namespaces that could not be read completely: a name missing from them may be no mistake of its own."""
     notes: list[Message] = field(default_factory=list)
-    """What was assumed, to be said to the user."""
+    """Assumptions to report."""
     scales: dict[str, ImageScale] = field(default_factory=dict)
     shared_set_ups: dict[str, dict[str, SetUp]] = field(default_factory=dict)
-    """What was said of constants that are shared by name, by kind."""
+    """Constants shared by name, by kind."""
     groups: dict[str, list[int]] = field(default_factory=dict)
     """Point groups by name: block numbers."""
     table_ids: dict[tuple[str, int], list[str]] = field(default_factory=dict)
@@ -610,7 +610,7 @@ class Reading:
     scanners: dict[str, Scanner] = field(default_factory=dict)
     """Cameras that are line scanners."""
     lines: dict[str, RowTimes] = field(default_factory=dict)
-    """Times of the rows of images of line scanners, as far as tables give them; of all when images are read."""
+    """Row times of images of line scanners: from tables, and for all images once they are read."""
     strips: dict[tuple[str, str], tuple[int, float]] = field(default_factory=dict)
     """Block of shift and drift of each strip, by kind and name, and the time that its drift counts from."""
     motion_groups: list[ObservationGroup] = field(default_factory=list)

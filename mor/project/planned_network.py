@@ -31,7 +31,7 @@ from mor.types import FloatArray, IntArray
 # apart, and halved.
 
 _PARTS = 4
-"""Of an interval between knots, at whose ends it is asked on which side of the line a point lies."""
+"""Parts of an interval between knots at whose ends the side of the line is tested on which a point lies."""
 _AT_A_TIME = 256
 """Points whose crossings are looked for together."""
 
@@ -112,7 +112,7 @@ class _Sight:
 
 
 def _crossings(sight: _Sight, lines: RowTimes) -> FloatArray:
-    """Times (n,) at which points cross the line of their camera for the first time, NaN if they do not."""
+    """First times (n,) at which points cross the line of their camera; NaN if they do not."""
     trajectory = sight.trajectory
     begin = float(lines.times[0])
     before = max(int(np.searchsorted(trajectory.times, begin, side="right")) - 1, 0)
@@ -183,7 +183,7 @@ class Flights(Protocol):
 
     @property
     def image_times(self) -> Mapping[str, float]:
-        """Times of the images on them."""
+        """Time of each image by name."""
 
 
 def image_poses(network: Network, values: Mapping[str, FloatArray]) -> list[ImagePoses]:

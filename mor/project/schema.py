@@ -111,7 +111,7 @@ class TableEntry(Strict):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the rows may come from, by its key; ``None`` if it is not given."""
+        """Sources of the rows by key; ``None`` if one is not given."""
         return {"file": self.file, "rows": self.rows}
 
     def unit_of(self, *names: str) -> str:
@@ -132,14 +132,14 @@ class DeflectionGrids(Strict):
 
 
 class Origin(Strict):
-    """Where the object system is in the horizon, at height 0."""
+    """Origin of the object system in the horizon, at height 0."""
 
     latitude: Measure = Field(description="Latitude, in the unit of angles or with one of its own (49.6412 deg)")
     longitude: Measure = Field(description="Longitude, likewise")
 
 
 class World(Strict):
-    """Where on the earth the network is: the points are given in a coordinate reference system of the earth."""
+    """Position of the network on the earth: its points are given in a coordinate reference system."""
 
     crs: Text = Field(
         description="Coordinate reference system of the points: EPSG code (EPSG:25832, compound EPSG:25832+7837) or WKT"
@@ -160,7 +160,7 @@ class World(Strict):
 
 
 class SphereOrigin(Strict):
-    """Where the sphere is: plan coordinates of a point, and the height at which distances are those of the plan."""
+    """Position of the sphere: plan coordinates of a point, and the height at which distances are those of the plan."""
 
     x: Measure = Field(description="x in the axes of the project")
     y: Measure = Field(description="y in the axes of the project")
@@ -185,7 +185,7 @@ _Component = Literal["vx", "vy", "vz", "sin_x", "sin_y", "sin_z", "cos_x", "cos_
 
 
 class Epochs(Strict):
-    """What the times of observations are counted from."""
+    """Reference epoch of moving points."""
 
     reference: Text | None = optional(
         "Time at which points with a velocity have their coordinates: 2015-05-12 or 2015.36; default the first epoch"
@@ -204,7 +204,7 @@ class MotionEntry(TableEntry):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the rows may come from, by its key; ``None`` if it is not given."""
+        """Sources of the rows by key; ``None`` if one is not given."""
         return {**super().sources, "points": self.points}
 
     @model_validator(mode="after")
@@ -238,7 +238,7 @@ class RequiredSigma(Strict):
 
 
 class RequiredReliability(Strict):
-    """How well observations must control each other."""
+    """Required reliability of observations."""
 
     groups: list[Name] = Field(["*"], description="Names of groups of observations, or patterns of them")
     r: float | None = optional("Least redundancy number", gt=0.0, lt=1.0)
@@ -252,7 +252,7 @@ class RequiredReliability(Strict):
 
 
 class Require(Strict):
-    """What a plan has to reach: mor design says whether it does."""
+    """Requirements of a plan, which mor design checks."""
 
     sigma: RequiredSigma | list[RequiredSigma] = several("Largest σ of points, a priori, in the datum of the project")
     reliability: RequiredReliability | list[RequiredReliability] = several(
@@ -261,7 +261,7 @@ class Require(Strict):
 
 
 class Without(Strict):
-    """What a variant leaves out: every observation that refers to one of these; names or patterns."""
+    """Things that a variant leaves out with every observation that refers to them; names or patterns."""
 
     points: list[Name] = several("Points")
     images: list[Name] = several("Images")
@@ -270,7 +270,7 @@ class Without(Strict):
 
 
 class Variant(Strict):
-    """What would be if: the project with something left out, with other σ, or with more observations."""
+    """Variant of a project: something left out, other σ, or more observations."""
 
     without: Without = Field(Without.model_construct(), description="What is left out")
     factor: dict[Name, Annotated[float, Field(gt=0.0, le=1e50)]] = several(
@@ -317,7 +317,7 @@ class Normals(TableEntry):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the normals may come from, by its key; ``None`` if it is not given."""
+        """Sources of the normals by key; ``None`` if one is not given."""
         return {**super().sources, "direction": self.direction, "surface": self.surface}
 
     @model_validator(mode="after")
@@ -328,7 +328,7 @@ class Normals(TableEntry):
 
 
 class Visibility(Strict):
-    """What stands in the way of sights, and where targets look."""
+    """Surfaces that block sights, and normals of targets."""
 
     surfaces: list[Surface] = several("What no sight goes through")
     normals: list[Normals] = several("Normals of targets; of a point that is named twice the last one")
@@ -382,7 +382,7 @@ Setting = Measure | Value
 
 
 class Atmosphere(Strict):
-    """What an instrument takes the velocity of light to be: the first velocity correction from columns of the air."""
+    """Constants of the first velocity correction, which is computed from columns of the air."""
 
     C: float = Field(description="Reference refractivity (n - 1) · 10⁶ of the instrument")
     D: float | None = optional("Constant of its carrier wavelength, K/hPa · 10⁶")
@@ -462,7 +462,7 @@ class TrajectoryEntry(TableEntry):
 
 
 class LineTimes(TableEntry):
-    """Times of the lines of scanners, where their rate is not steady: image, row, time; in between they are linear."""
+    """Table of line times of scanners whose rate is not steady: image, row, time; linear in between."""
 
     name: Text | None = optional("Name in messages; default the file")
 
@@ -650,7 +650,7 @@ class Observations(TableEntry):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the rows may come from, by its key; ``None`` if it is not given."""
+        """Sources of the rows by key; ``None`` if one is not given."""
         return {**super().sources, "visible": self.visible}
 
 
@@ -680,7 +680,7 @@ class Datum(Strict):
 
 
 class Settings(Strict):
-    """How to solve and to test."""
+    """Settings of the solution and of the tests."""
 
     max_iterations: int = Field(50, description="Most iterations without progress; twice as many in all", ge=1)
     sigma0: float = Field(1.0, description="A-priori standard deviation of unit weight, as reported", gt=0.0, le=1e50)
@@ -718,7 +718,7 @@ class Settings(Strict):
 
 
 class Report(Strict):
-    """Who and what stands on the reports; nothing of it changes a result."""
+    """Names and remarks on the reports; they change no result."""
 
     operator: Text | None = optional("Who measured or adjusted")
     client: Text | None = optional("Whom it was done for")
@@ -853,7 +853,7 @@ def _without_empty(data: Any, path: KeyPath) -> Any:
 
 
 def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Of a value that is none of several things it may be, only what it fails as what it looks like."""
+    """Errors of a value that fits none of several types, for the type that it resembles only."""
     paths = [_data_path(document.data, detail) for detail in details]
     return [
         detail
@@ -931,7 +931,7 @@ _EXPECTED = {
     "string_too_short": "a text that is not empty",
     "string_type": "a single value",
 }
-"""What was expected where pydantic complains, in the words of a project file."""
+"""Expected values by type of error of pydantic, in the words of a project file."""
 
 
 def _short(given: Any) -> str:

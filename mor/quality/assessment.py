@@ -373,8 +373,6 @@ class RelativeEllipsoid(NamedTuple):
     """(3, 3)."""
     axes: FloatArray
     """(3,) standard semi-axes, the largest first."""
-    directions: FloatArray
-    """(3, 3) their unit directions, one in each row."""
 
 
 def joint_cofactors(quality: Quality, columns: IntArray) -> FloatArray:
@@ -399,8 +397,6 @@ def relative_ellipsoid(quality: Quality, first: int, second: int) -> RelativeEll
     columns = quality.adjustment.problem.index.columns["point"][[first, second]].ravel()
     q = joint_cofactors(quality, columns) * quality.sigma_factor**2
     covariance = q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
-    eigenvalues, vectors = rotations.eigh(0.5 * (covariance + covariance.T))
+    eigenvalues, _ = rotations.eigh(0.5 * (covariance + covariance.T))
     points = quality.adjustment.values["point"]
-    return RelativeEllipsoid(
-        points[second] - points[first], covariance, np.sqrt(np.maximum(eigenvalues[::-1], 0.0)), vectors[:, ::-1].T
-    )
+    return RelativeEllipsoid(points[second] - points[first], covariance, np.sqrt(np.maximum(eigenvalues[::-1], 0.0)))

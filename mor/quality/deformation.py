@@ -115,7 +115,6 @@ class Congruence(NamedTuple):
     points: tuple[MovementTest, ...]
     variance: float
     """Pooled variance factor."""
-    redundancy: int
 
 
 def movement_test(d: FloatArray, q: FloatArray, variance: float, redundancy: int) -> MovementTest:
@@ -176,7 +175,7 @@ def congruence(
         movement_test(moved[i], cofactors[3 * i : 3 * i + 3, 3 * i : 3 * i + 3], variance, redundancy) for i in range(n)
     )
     overall = _critical(first.freedom, redundancy, level, known)
-    return Congruence(first, overall, stable, tests, variance, redundancy)
+    return Congruence(first, overall, stable, tests, variance)
 
 
 def _critical(freedom: int, redundancy: int, level: float, known: bool) -> float:
@@ -492,8 +491,7 @@ class EpochComparison(NamedTuple):
 
     names: tuple[str, ...]
     result: Congruence
-    movement: FloatArray
-    """(n, 3) second minus first, in the datum of the stable points, internal axes."""
+    """With the movements, second minus first, in the datum of the stable points, internal axes."""
 
 
 def common_points(first: Network, second: Network) -> tuple[str, ...]:
@@ -533,7 +531,7 @@ def compare_epochs(
     redundancy = first.redundancy + second.redundancy
     variance = (first.omega + second.omega) / redundancy if redundancy else 1.0
     result = congruence(places[1] - places[0], cofactors, _basis(generators), variance, redundancy, level, known)
-    return EpochComparison(names, result, np.array([test.movement for test in result.points]))
+    return EpochComparison(names, result)
 
 
 def compare_within(solved: Solved, first: int, second: int, level: float, known: bool) -> EpochComparison:
@@ -545,8 +543,7 @@ def compare_within(solved: Solved, first: int, second: int, level: float, known:
     assert quality is not None
     names, d, q, generators = compared(solved, first, second)
     variance = quality.omega / quality.redundancy if quality.redundancy else 1.0
-    result = congruence(d, q, _basis(generators), variance, quality.redundancy, level, known)
-    return EpochComparison(names, result, np.array([test.movement for test in result.points]))
+    return EpochComparison(names, congruence(d, q, _basis(generators), variance, quality.redundancy, level, known))
 
 
 def _movements(quality: Quality, columns: IntArray) -> FloatArray:

@@ -30,7 +30,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 class CheckOutcome:
     """One group of checks; arrays by component (m,), NaN where a component was not known."""
 
-    group: int
     count: FloatArray
     mean: FloatArray
     rms: FloatArray
@@ -52,7 +51,6 @@ def check_outcome(quality: Quality, number: int) -> CheckOutcome:
     worst = np.argmax(np.abs(filled), axis=0) if len(v) else np.zeros(v.shape[1], dtype=np.int64)
     largest = filled[worst, np.arange(v.shape[1])] if len(v) else np.zeros(v.shape[1])
     return CheckOutcome(
-        number,
         count.astype(float),
         filled.sum(axis=0) / some * known,
         np.sqrt((filled**2).sum(axis=0) / some) * known,

@@ -55,18 +55,17 @@ def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatA
     )
 
 
-def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.inf) -> float:
-    """Σ min(s², 2 ln n + 2 ln s) + 2 n ln k of |v|/σ (n, m) by group, ``count`` being n.
-
-    ``most``: what k may be at most, told by all observations, where these are only some: a few that contradict each
-    other would have any k at a place that fits none of them.
-    """
+def cost_of_residuals(sizes: Sequence[FloatArray], count: int) -> float:
+    """Σ min(s², 2 ln n + 2 ln s) + 2 n ln k of |v|/σ (n, m) by group, ``count`` being n."""
     every = observed(sizes)
-    return float(_costs_of_rows(every[None], count, most)[0]) if every.size else 0.0
+    return float(_costs_of_rows(every[None], count, np.inf)[0]) if every.size else 0.0
 
 
 def _costs_of_rows(sizes: FloatArray, count: int, most: float) -> FloatArray:
-    """(p,) :func:`cost_of_residuals` of each row of |v|/σ (p, s), none of which is 0."""
+    """(p,) :func:`cost_of_residuals` of each row of |v|/σ (p, s), none of which is 0, with k up to ``most``.
+
+    A few that contradict each other would have any k at a place that fits none of them.
+    """
     plain = np.sum(costs_of_sizes(sizes, count), axis=1)
     factor = np.clip(np.median(sizes, axis=1) / _MEDIAN, 1.0, max(most, 1.0))
     scaled = np.sum(costs_of_sizes(sizes / factor[:, None], count), axis=1)

@@ -494,30 +494,16 @@ class TakenOut(NamedTuple):
     excluded: int
     observations: int
 
-    @property
-    def mostly(self) -> bool:
-        """True where more than half were taken out."""
-        return 2 * self.excluded > self.observations and self.excluded >= _AT_LEAST
-
 
 def mostly_out(snooping: SnoopingResult) -> list[TakenOut]:
     """Frames and points of which more than half of the observations were taken out."""
-    return [one for one in taken_out(snooping) if one.mostly]
-
-
-def taken_out(snooping: SnoopingResult, also: Collection[tuple[str, str]] = ()) -> list[TakenOut]:
-    """Frames and points of which observations were taken out; ``also`` some others (kind, name), where observed."""
     blocks = snooping.quality.adjustment.problem.index.blocks
     found = []
     for kind in ("rotation", "point"):
-        if kind not in blocks:
-            continue
-        ids = blocks[kind].ids
-        out, whole = _counted(snooping, kind, len(ids))
-        told = out > 0
-        if also:
-            told |= (whole > 0) & np.array([(kind, name) in also for name in ids], dtype=bool)
-        found += [TakenOut(kind, int(b), int(out[b]), int(whole[b])) for b in np.flatnonzero(told)]
+        if kind in blocks:
+            out, whole = _counted(snooping, kind, len(blocks[kind].ids))
+            most = np.flatnonzero((2 * out > whole) & (out >= _AT_LEAST))
+            found += [TakenOut(kind, int(b), int(out[b]), int(whole[b])) for b in most]
     return found
 
 

@@ -11,6 +11,7 @@ from markupsafe import Markup, escape
 from mor.errors import InputError, Message, nearest
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.parameters import INTERIORS
+from mor.report.figures import BESIDE
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     aligned,
@@ -172,15 +173,13 @@ def _corner(camera: dict[str, Any]) -> float | None:
 
 WIDTH, HEIGHT = 460, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 12, 24, 40
-_BESIDE = 1.959963984540054
-"""95 % of a normal distribution."""
 
 
 def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
     """Radial distortion by radius with its 95 % band, and where the points end that it rests on."""
     unit, factor = one.small
     radius, shift = one.curve.radius, one.curve.shift * factor
-    beside = _BESIDE * one.curve.sigma * factor
+    beside = BESIDE * one.curve.sigma * factor
     low, high = float((shift - beside).min()), float((shift + beside).max())
     low, high = (low, high) if high > low else (low - 1.0, high + 1.0)
     x = _LEFT + (WIDTH - _LEFT - _RIGHT) * radius / radius[-1]

@@ -56,7 +56,7 @@ from mor.report.page_data import drawn_axes
 from mor.report.results import table_writer
 from mor.report.summary import summary
 from mor.report.text import counts, redundancy
-from mor.report.units import ends_of_group, number_or_none
+from mor.report.units import ends_of_group, number_or_none, reported_component
 from mor.report.verdict import reliability_rows
 from mor.types import FloatArray, IntArray
 
@@ -138,9 +138,9 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
         external = np.where(known & ~np.isfinite(tests.external), np.inf, tests.external)
         largest = float(np.nanmax(external))
         nabla = detectable(quality, np.array([[number, *at]]))[0]
-        out = ends_of_group(group)
-        component = int(np.flatnonzero(out.source == at[1])[0])
-        found = float(nabla / out.external.factors[component])
+        external_of = ends_of_group(group).external
+        component = reported_component(group, int(at[1]))
+        found = float(nabla / external_of.factors[component])
         rows.append(
             {
                 "name": group.name,
@@ -149,7 +149,7 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
                 "redundancy": float(np.nansum(r)),
                 "smallest_r": float(r[at]),
                 "nabla": found if np.isfinite(found) else None,
-                "unit": out.external.units[component],
+                "unit": external_of.units[component],
                 "largest_external": largest if np.isfinite(largest) else None,
             }
         )

@@ -35,8 +35,17 @@ from mor.quality.test_statistics import (
     log_p_student,
     normalised_residuals,
 )
-from mor.report.layout import component_of
-from mor.report.units import ends_of_group, once, said_differences, said_numbers, said_signs, said_sizes, said_values
+from mor.report.units import (
+    ends_of_group,
+    once,
+    reported_component,
+    said_differences,
+    said_numbers,
+    said_one,
+    said_signs,
+    said_sizes,
+    said_values,
+)
 from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 
@@ -281,12 +290,6 @@ def _top(sizes: FloatArray, count: int) -> FloatArray:
     return np.partition(sizes, len(sizes) - count)[len(sizes) - count :] if len(sizes) > count else sizes
 
 
-def between(row: dict[str, Any]) -> str:
-    """A row of the table of residuals in a sentence: type, between what, component."""
-    names = " - ".join(name for name in (row["at"], row["from"], row["to"]) if name)
-    return f"{row['type']} {names}{component_of(row)}"
-
-
 def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, int]:
     """The first rows of observations that hardly anything controls, and how many there are of them.
 
@@ -447,20 +450,14 @@ def fixed_point_rows(solved: Solved) -> list[dict[str, Any]]:
 def suspicious(solved: Solved, effect: PointEffect) -> dict[str, Any]:
     """One suspicious observation in project axes and units."""
     group = solved.adjustment.problem.groups[effect.entry.group]
-    sizes = np.zeros((1, group.observed.shape[1]))
-
-    def out(say: Any, value: float) -> float:
-        internal = sizes.copy()
-        internal[0, effect.entry.component] = value
-        return float(say(group, internal)[0, _outside(group, effect.entry.component)])
-
+    component = effect.entry.component
     movement = solved.network.edge.matrix.T @ effect.movement
     return {
-        **place(group, effect.entry.row, effect.entry.component),
-        "w": out(said_signs, effect.test),
+        **place(group, effect.entry.row, component),
+        "w": said_one(said_signs, group, component, effect.test),
         "r": effect.r,
-        "error": out(said_differences, effect.error),
-        "nabla": out(said_sizes, effect.smallest),
+        "error": said_one(said_differences, group, component, effect.error),
+        "nabla": said_one(said_sizes, group, component, effect.smallest),
         "point": solved.network.blocks["point"].ids[effect.point] if effect.point >= 0 else None,
         "movement": [float(x) for x in movement] if effect.point >= 0 and effect.tells else None,
         "flagged": abs(effect.test) > (solved.quality.critical if solved.quality else np.inf),
@@ -469,7 +466,7 @@ def suspicious(solved: Solved, effect: PointEffect) -> dict[str, Any]:
 
 def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
     """Return the names of an observation as in a row of residuals, by the references of its type."""
-    outside = _outside(group, component)
+    outside = reported_component(group, component)
     names = group.names_of(row)
     ends = {key: column[row] for key, column in named_places(group).items()}
     return {
@@ -481,10 +478,6 @@ def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
         "component": group.type.components[outside].name,
         "unit": ends_of_group(group).external.units[outside],
     }
-
-
-def _outside(group: ObservationGroup, component: int) -> int:
-    return int(np.flatnonzero(ends_of_group(group).source == component)[0])
 
 
 def _snooping(solved: Solved) -> dict[str, Any] | None:
@@ -508,7 +501,7 @@ def _taken_out(solved: Solved, one: TakenOut) -> dict[str, Any]:
 
 def _step(solved: Solved, step: Snooped) -> dict[str, Any]:
     group = solved.adjustment.problem.groups[step.group]
-    sign = float(ends_of_group(group).sign[_outside(group, step.component)])
+    sign = float(ends_of_group(group).sign[reported_component(group, step.component)])
     return {
         "round": step.round,
         "action": "excluded" if step.taken_out else "put back",

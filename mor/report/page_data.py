@@ -357,8 +357,6 @@ def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:
 # length}`` with kind f4, f8, i1, i2 or i4; texts are numbers into ``"t"``, the list of texts there are.
 # Missing numbers are NaN.
 
-_MANTISSA = {"f4": 23, "f8": 52}
-
 
 class Packer:
     """Collects buffers while the head is put together."""
@@ -411,10 +409,10 @@ def compressed(data: bytes) -> str:
     return base64.b64encode(zlib.compress(data, 4)).decode("ascii")
 
 
-def _shorter(numbers: np.ndarray, bits: int = 15) -> np.ndarray:
-    """Single precision with ``bits`` of its mantissa (15: five digits): what a page shows, and it compresses."""
+def _shorter(numbers: np.ndarray) -> np.ndarray:
+    """Single precision with 15 of the 23 bits of its mantissa (five digits): what a page shows, and it compresses."""
     single = np.asarray(numbers, dtype="<f4")
-    drop = _MANTISSA["f4"] - bits
+    drop = 8
     whole = single.view("<u4")
     rounded = ((whole + np.uint32(1 << (drop - 1))) >> np.uint32(drop)) << np.uint32(drop)
     return np.where(np.isfinite(single), rounded.view("<f4"), single)

@@ -43,7 +43,7 @@ from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
 from mor.report.layout import heading, paragraphs, short, table
 from mor.report.observations import named_places
-from mor.report.units import ends_of_group, said_differences, said_values
+from mor.report.units import ends_of_group, reported_component, said_differences, said_one, said_values
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
 
@@ -307,12 +307,9 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
         names = {key: column.texts()[one.row] for key, column in named_places(group).items()}
         component, unit, amount, ratio = "", "", None, None
         if one.component >= 0:
-            internal = np.zeros((1, len(group.type.components)))
-            internal[0, one.component] = one.amount
-            out = ends_of_group(group)
-            k = int(np.flatnonzero(out.source == one.component)[0])
-            component, unit = group.type.components[k].name, out.external.units[k]
-            amount = float(said_differences(group, internal)[0, k])
+            k = reported_component(group, one.component)
+            component, unit = group.type.components[k].name, ends_of_group(group).external.units[k]
+            amount = said_one(said_differences, group, one.component, one.amount)
             ratio = abs(one.amount / float(group.sigma[one.row, one.component]))
         ends = (names.get("at", ""), names["from"], names["to"])
         rows.append((one.kind, group.name, *ends, component, amount, unit, ratio))

@@ -169,6 +169,20 @@ def said_numbers(group: ObservationGroup, internal: FloatArray) -> FloatArray:
     return internal[:, ends_of_group(group).source]
 
 
+def reported_component(group: ObservationGroup, component: int) -> int:
+    """Number of the reported component behind an internal one."""
+    return int(np.flatnonzero(ends_of_group(group).source == component)[0])
+
+
+def said_one(
+    said: Callable[[ObservationGroup, FloatArray], FloatArray], group: ObservationGroup, component: int, value: float
+) -> float:
+    """One value of an internal component as ``said`` (:func:`said_sizes`, …) reports it."""
+    internal = np.zeros((1, group.observed.shape[1]))
+    internal[0, component] = value
+    return float(said(group, internal)[0, reported_component(group, component)])
+
+
 # ---- Components of plain blocks, by name: value, σ, status, in the units of the report.
 
 

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import (
     HARDLY_CONTROLLED,
@@ -31,7 +30,7 @@ from mor.quality.solution import LARGEST_SIGMA, Determination, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import cells, heading, in_words, short, table
 from mor.report.observations import place
-from mor.report.units import ends_of_group, once, said_differences, said_sizes
+from mor.report.units import ends_of_group, once, reported_component, said_differences, said_one, said_sizes
 
 # ---- External reliability as vectors: where an error that stays unseen moves each point.
 #
@@ -181,14 +180,11 @@ def _says(accepted: bool | None, uncontrolled: int, found: Determination | None)
 
 def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, Any]:
     group = solved.adjustment.problem.groups[effect.group]
-    out = ends_of_group(group)
-    outside = int(np.flatnonzero(out.source == effect.component)[0])
+    outside = reported_component(group, effect.component)
     size, sigma, unit = effect.size, effect.sigma, "1"
     if effect.kind == "offset":
-        internal = np.zeros((1, group.observed.shape[1]))
-        internal[0, effect.component] = 1.0
-        unit = out.external.units[outside]
-        in_unit = float(said_differences(group, internal)[0, outside])
+        unit = ends_of_group(group).external.units[outside]
+        in_unit = said_one(said_differences, group, effect.component, 1.0)
         size, sigma = size * in_unit, sigma * abs(in_unit)
     return {
         "kind": effect.kind,
@@ -279,15 +275,8 @@ def _weakest(quality: Quality, entry: ObservationComponent, nabla: float) -> dic
     return {
         **place(group, entry.row, entry.component),
         "r": r,
-        "nabla": _said_size(group, entry.component, nabla) if np.isfinite(nabla) else None,
+        "nabla": said_one(said_sizes, group, entry.component, nabla) if np.isfinite(nabla) else None,
     }
-
-
-def _said_size(group: ObservationGroup, component: int, size: float) -> float:
-    internal = np.zeros((1, group.observed.shape[1]))
-    internal[0, component] = size
-    outside = int(np.flatnonzero(ends_of_group(group).source == component)[0])
-    return float(said_sizes(group, internal)[0, outside])
 
 
 def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
@@ -328,7 +317,7 @@ def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
                 "observations": int(one.observations[k]),
                 "smallest_r": float(one.smallest_r[k]),
                 "weakest": place(group, entry.row, entry.component),
-                "nabla": _said_size(group, entry.component, size) if np.isfinite(size) else None,
+                "nabla": said_one(said_sizes, group, entry.component, size) if np.isfinite(size) else None,
                 "shift": float(one.shift[k]) if np.isfinite(one.shift[k]) else None,
             }
         )

@@ -185,14 +185,8 @@ def _additional(
     return frame if set(needed) <= set(frame.columns) else pl.DataFrame()
 
 
-def view_of_rows(
-    data: dict[str, Any],
-    points: pl.DataFrame,
-    images: pl.DataFrame,
-    residuals: pl.DataFrame,
-    file: str = "residuals.csv",
-) -> View:
-    """The view of what stands in ``results.json`` and in the tables beside it, ``file`` that of the residuals."""
+def view_of_rows(data: dict[str, Any], points: pl.DataFrame, images: pl.DataFrame, residuals: pl.DataFrame) -> View:
+    """The view of what stands in ``results.json`` and in the tables beside it."""
     return View(
         summary=data,
         identity=data["identity"],
@@ -210,7 +204,7 @@ def view_of_rows(
         reliability=data.get("reliability"),
         possible_causes=data.get("possible_causes", []),
         residuals=residuals,
-        residuals_file=file,
+        residuals_file="residuals.csv",
     )
 
 

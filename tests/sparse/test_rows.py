@@ -97,22 +97,6 @@ def test_cofactors_of_rows(system, way):
     np.testing.assert_allclose(found, expected, atol=1e-11)
 
 
-def test_gather_and_scatter_move_dense_parts(system):
-    structure, columns, *_ = system
-    Q = _symmetric(structure)
-    into = rows.target(structure)
-    for row in columns[:10]:
-        chosen = np.unique(row[row >= 0])
-        np.testing.assert_array_equal(rows.gather(Q, into.block_of, chosen), Q.to_dense()[np.ix_(chosen, chosen)])
-        values = np.zeros_like(Q.values)
-        part = np.random.default_rng(0).standard_normal((len(chosen), len(chosen)))
-        part += part.T
-        rows.scatter(into, values, chosen, part)
-        expected = np.zeros((structure.unknowns, structure.unknowns))
-        expected[np.ix_(chosen, chosen)] = part
-        np.testing.assert_allclose(BlockMatrix(structure, values).to_dense(), expected, atol=1e-15)
-
-
 def test_cofactors_of_blocks_are_zero_where_fixed_and_not_a_number_where_not_stored():
     structure = structure_from_cliques([2, 1, 2], [0, 2], [0, 1])  # blocks 0 and 1 meet, block 2 stands alone
     Q = _symmetric(structure)

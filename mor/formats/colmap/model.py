@@ -73,7 +73,6 @@ class RigFrame(NamedTuple):
     id: int
     rig: int
     images: tuple[int, ...]
-    pose: QuaternionPose
 
 
 @dataclass(frozen=True)

@@ -219,11 +219,11 @@ def read_frames(path: Path) -> list[RigFrame]:
     frames = []
     for _ in range(file.count(68)):
         number, rig = (int(value) for value in file.take("<II"))
-        pose = file.pose()
+        file.pose()  # the images have their own
         count = int(file.take("<I")[0])
         file.need(count * 16)
         images = [int(file.take("<iIQ")[2]) for _ in range(count)]
-        frames.append(RigFrame(number, rig, tuple(images), pose))
+        frames.append(RigFrame(number, rig, tuple(images)))
     file.finish()
     return frames
 
@@ -367,7 +367,8 @@ def read_text_frames(path: Path, draft: Draft) -> list[RigFrame]:
         try:
             _form(words, 10, "number, rig, qw qx qy qz, tx ty tz, number of data, (type, sensor, image) …")
             images = tuple(_whole(word) for word in words[12::3])
-            frames.append(RigFrame(_whole(words[0]), _whole(words[1]), images, _pose(words[2:9])))
+            _pose(words[2:9])  # the images have their own
+            frames.append(RigFrame(_whole(words[0]), _whole(words[1]), images))
         except (LineError, ValueError, IndexError) as error:
             draft.problem(str(error) if str(error) else "found too few words", line, str(path))
     return frames

@@ -376,7 +376,6 @@ class GamaCluster(NamedTuple):
     element: str
     observations: tuple[GamaObservation, ...]
     covariance: FloatArray | None
-    line: int
 
     def keep(self, chosen: list[GamaObservation | None]) -> GamaCluster:
         """The cluster with its observations replaced; ``None`` leaves one out, with its rows and columns."""
@@ -403,7 +402,7 @@ def read_clusters(root: Element, sigma_apriori: float, draft: Draft) -> list[Gam
         observations = [_observation(child, element, root, sigma_apriori, draft) for child in elements]
         good = tuple(observation for observation in observations if observation is not None)
         covariance = _covariance(element, sum(o.entries for o in good), draft)
-        clusters.append(GamaCluster(element.name, good, covariance, element.line))
+        clusters.append(GamaCluster(element.name, good, covariance))
     return clusters
 
 
