@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from operator import sub
 
 import numpy as np
 
@@ -207,12 +208,8 @@ def _mirrored_cells(
             for axis, name in enumerate("xy"):
                 if signs[axis] < 0.0:
                     whole = 2.0 * float(scale.centre[axis]) if scale.corner else 0.0
-                    edits += cells(network, number, [row], name, computed(partial(_less_than, whole)))
+                    edits += cells(network, number, [row], name, computed(partial(sub, whole)))
     return tuple(edits)
-
-
-def _less_than(whole: float, coordinate: float) -> float:
-    return whole - coordinate
 
 
 def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -> Iterator[Hypothesis]:

@@ -47,8 +47,7 @@ class ContentTable(NamedTuple):
     @property
     def values(self) -> FloatArray:
         """(n, size) start values where there are any, values otherwise."""
-        start: FloatArray = np.where(np.isnan(self.statuses.start), self.statuses.values, self.statuses.start)
-        return start
+        return np.asarray(np.where(np.isnan(self.statuses.start), self.statuses.values, self.statuses.start))
 
     @property
     def fixed(self) -> BoolArray:
@@ -274,8 +273,7 @@ def _pixels(xy: FloatArray, scale: ImageScale, corner: bool) -> FloatArray:
     if scale.corner == corner:
         return xy
     flip, centre = np.array([1.0, -1.0]), np.array(scale.centre)
-    turned: FloatArray = xy * flip + centre if corner else (xy - centre) * flip
-    return turned
+    return np.asarray(xy * flip + centre if corner else (xy - centre) * flip)
 
 
 class ImageBlock(NamedTuple):

@@ -306,8 +306,7 @@ def east_north_up(places: FloatArray, reference: FloatArray) -> FloatArray:
             [np.cos(lat) * np.cos(lon), np.cos(lat) * np.sin(lon), np.sin(lat)],
         ]
     )
-    local: FloatArray = (geocentric(places) - geocentric(reference[None])) @ turn.T
-    return local
+    return np.asarray((geocentric(places) - geocentric(reference[None])) @ turn.T)
 
 
 def geocentric(places: FloatArray) -> FloatArray:

@@ -139,8 +139,7 @@ def _covariances(M: FloatArray, kind: str, block: SinexBlock, draft: Draft) -> F
         return None
     if kind != "INFO":
         return M
-    inverse: FloatArray = np.linalg.inv(M / np.outer(scale, scale)) / np.outer(scale, scale)
-    return inverse
+    return np.asarray(np.linalg.inv(M / np.outer(scale, scale)) / np.outer(scale, scale))
 
 
 # ---- A SINEX file as a project on the earth: positions of all stations, observed with their full covariance matrix.

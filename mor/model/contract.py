@@ -366,8 +366,7 @@ def by_between(by_vector: FloatArray) -> tuple[FloatArray, ...]:
 def horizontal_length(vector: FloatArray) -> FloatArray:
     """√(ΔX² + ΔY²) (n,), never zero: a vertical sight keeps its derivatives finite."""
     tiny = np.finfo(float).tiny
-    length: FloatArray = np.maximum(np.hypot(vector[:, 0], vector[:, 1]), tiny**0.5)
-    return length
+    return np.asarray(np.maximum(np.hypot(vector[:, 0], vector[:, 1]), tiny**0.5))
 
 
 def bearing(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -439,5 +438,4 @@ def _distances(group: ObservationGroup, values: Values) -> FloatArray:
         for slot, number in group.blocks_by_slot
         if slot.of == end and slot.part == "position"
     ]
-    length: FloatArray = np.linalg.norm(positions[1] - positions[0], axis=1)
-    return length
+    return np.asarray(np.linalg.norm(positions[1] - positions[0], axis=1))

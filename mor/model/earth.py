@@ -114,8 +114,7 @@ class Horizon:
     @cached_property
     def origin(self) -> FloatArray:
         """(3,) geocentric."""
-        place: FloatArray = self.ellipsoid.geocentric(np.array([[self.latitude, self.longitude, 0.0]]))[0]
-        return place
+        return np.asarray(self.ellipsoid.geocentric(np.array([[self.latitude, self.longitude, 0.0]]))[0])
 
     @cached_property
     def axes(self) -> FloatArray:
@@ -213,8 +212,7 @@ class LocalSphere(NamedTuple):
         from_centre = self.radius + height
         flat = from_centre / self.radius * np.sinc(angle / np.pi)
         up = height - 2.0 * from_centre * np.sin(0.5 * angle) ** 2
-        cartesian: FloatArray = np.stack([flat * x, flat * y, up], axis=1) + np.array(self.origin)
-        return cartesian
+        return np.asarray(np.stack([flat * x, flat * y, up], axis=1) + np.array(self.origin))
 
     def local_axes(self, position: FloatArray) -> FloatArray:
         """Return axes (n, 3, 3; rows, Cartesian) of the horizon at plan coordinates and heights (n, 3).

@@ -308,8 +308,7 @@ def _about(axis: int, angle: FloatArray) -> FloatArray:
     """(n, 3, 3) right-handed turns about one axis."""
     K = _TURNS[axis]
     sine, versine = np.sin(angle)[:, None, None], 2.0 * (np.sin(0.5 * angle) ** 2)[:, None, None]
-    result: FloatArray = _AXES + sine * K + versine * (K @ K)
-    return result
+    return np.asarray(_AXES + sine * K + versine * (K @ K))
 
 
 def gnss_vector(horizon: Horizon) -> ObservationType:

@@ -185,8 +185,7 @@ class ShutterCrossings(NamedTuple, Generic[At]):
         one = (1,) * (change.ndim - 2)
         passed = np.einsum("nj,nj...->n...", self.clock[:, :2], change)
         time = self.readout.reshape(-1, *one) * passed / self.slip.reshape(-1, *one)
-        further: FloatArray = self.drift.reshape(-1, 2, *one) * time[:, None]
-        return further
+        return np.asarray(self.drift.reshape(-1, 2, *one) * time[:, None])
 
 
 def meet(
@@ -227,8 +226,7 @@ def _largest(sizes: FloatArray) -> float:
 
 def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:
     """(n,) part of the readout that has passed at image coordinates (n, 2), less 1/2; ``clock`` (n, 3)."""
-    passed: FloatArray = clock[:, 0] * xy[:, 0] + clock[:, 1] * xy[:, 1] + clock[:, 2]
-    return passed
+    return np.asarray(clock[:, 0] * xy[:, 0] + clock[:, 1] * xy[:, 1] + clock[:, 2])
 
 
 def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
@@ -462,8 +460,7 @@ def image_scale(model: CameraModel, rays: FloatArray, interior: FloatArray, cons
     """(n,) image units per radian at unit rays (n, 3), in the mean; ``constants`` as image rows have them."""
     projection = model.project(rays, interior, constants[:, 2:], constants[:, :2])
     across = np.swapaxes(_axes_across(rays), 1, 2)
-    scale: FloatArray = np.sqrt(np.abs(np.linalg.det(projection.by_star @ across)))
-    return scale
+    return np.asarray(np.sqrt(np.abs(np.linalg.det(projection.by_star @ across))))
 
 
 def _arcs(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:

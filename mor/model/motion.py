@@ -39,8 +39,7 @@ def moved(lever: FloatArray, velocity: FloatArray, rate: FloatArray, time: Float
 
 def by_time(found: MovedPoints, velocity: FloatArray, rate: FloatArray) -> FloatArray:
     """∂X*/∂t (n, 3) = −ω × X*(t) − exp(−[ω t]×) v, eccentricity left out of X*."""
-    passed: FloatArray = -np.cross(rate, found.star) - np.einsum("nij,nj->ni", found.turn, velocity)
-    return passed
+    return np.asarray(-np.cross(rate, found.star) - np.einsum("nij,nj->ni", found.turn, velocity))
 
 
 class RotationVector(NamedTuple):

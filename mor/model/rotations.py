@@ -168,16 +168,14 @@ def exponential(vector: FloatArray) -> FloatArray:
     cross = cross_matrix(vector)
     sine = np.sinc(angle / np.pi)  # sin(a) / a
     cosine = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2  # (1 - cos a) / a²
-    rotation: FloatArray = np.eye(3) + sine * cross + cosine * (cross @ cross)
-    return rotation
+    return np.asarray(np.eye(3) + sine * cross + cosine * (cross @ cross))
 
 
 def nearest_rotation(matrix: FloatArray) -> FloatArray:
     """The rotation (3, 3) nearest to a matrix: largest trace of the product with its transpose (W. Kabsch 1976)."""
     left, _, right = svd(matrix)
     proper = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    nearest: FloatArray = (left * proper) @ right
-    return nearest
+    return np.asarray((left * proper) @ right)
 
 
 def rotate(D: FloatArray, delta: FloatArray) -> FloatArray:
@@ -252,8 +250,7 @@ def quaternions(R: FloatArray) -> FloatArray:
             row[:, 0] = skew[mine, k - 1]
         result[mine] = row
     result *= np.where(result[:, :1] < 0.0, -1.0, 1.0)
-    unit: FloatArray = result / np.linalg.norm(result, axis=1, keepdims=True)
-    return unit
+    return np.asarray(result / np.linalg.norm(result, axis=1, keepdims=True))
 
 
 # ---- The frame kernel: object points in the axes of an image, a theodolite or a local system.

@@ -202,8 +202,7 @@ def trajectory_attitude(knots: int) -> ObservationType:
 
 def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray) -> FloatArray:
     """(n, m, 1)."""
-    found: FloatArray = by_position @ pose.velocity[:, :, None] + by_turn @ pose.rate[:, :, None]
-    return found
+    return np.asarray(by_position @ pose.velocity[:, :, None] + by_turn @ pose.rate[:, :, None])
 
 
 # ---- Observe the first and second differences of neighbouring knots of a trajectory as 0.

@@ -336,8 +336,7 @@ def points_far_off(adjustment: Adjustment) -> IntArray:
 def _distances(adjustment: Adjustment) -> FloatArray:
     """(n,) distances of points from the median of those that are observed."""
     points = adjustment.values["point"]
-    result: FloatArray = np.linalg.norm(points - np.median(points[_observed(adjustment)], axis=0), axis=1)
-    return result
+    return np.asarray(np.linalg.norm(points - np.median(points[_observed(adjustment)], axis=0), axis=1))
 
 
 def _observed(adjustment: Adjustment) -> BoolArray:

@@ -555,5 +555,4 @@ def _basis(generators: FloatArray) -> FloatArray:
     if generators.shape[1] == 0:
         return generators
     vectors, sizes, _ = rotations.svd(generators, full_matrices=False)
-    basis: FloatArray = vectors[:, sizes > max(1e-6 * sizes[0], 1e-9)]
-    return basis
+    return np.asarray(vectors[:, sizes > max(1e-6 * sizes[0], 1e-9)])

@@ -45,8 +45,7 @@ def movements(quality: Quality, entries: list[ObservationComponent], errors: Flo
     datum = quality.datum
     if datum.null.shape[1] == 0:
         return moved
-    into: FloatArray = moved - datum.null @ (datum.binding @ (adjustment.constraint.normals.T @ moved))
-    return into
+    return np.asarray(moved - datum.null @ (datum.binding @ (adjustment.constraint.normals.T @ moved)))
 
 
 def gradient(adjustment: Adjustment, entry: ObservationComponent) -> tuple[IntArray, FloatArray]:
@@ -475,5 +474,4 @@ def _inverse_roots(Q: FloatArray) -> FloatArray:
     eigenvalues, axes = rotations.eigh(Q)
     used = eigenvalues > _FLAT * np.maximum(eigenvalues[:, -1:], 1e-300)
     scale = np.where(used, 1.0 / np.sqrt(np.where(used, eigenvalues, 1.0)), 0.0)
-    roots: FloatArray = scale[:, :, None] * np.swapaxes(axes, 1, 2)
-    return roots
+    return np.asarray(scale[:, :, None] * np.swapaxes(axes, 1, 2))

@@ -232,8 +232,7 @@ def log_tail(omega: FloatArray, of: Moments) -> FloatArray:
     with np.errstate(divide="ignore"):
         below = np.log(gammainc(half, np.maximum(omega, 0.0) * half / of.first))
     one_sided = np.where(omega > of.first, log_p_chi2(square, freedom), below)
-    two_sided: FloatArray = np.minimum(np.log(2.0) + one_sided, 0.0)
-    return two_sided
+    return np.asarray(np.minimum(np.log(2.0) + one_sided, 0.0))
 
 
 # ---- Tests of what was observed together: of each table, image, camera, station, set, instrument, local system.

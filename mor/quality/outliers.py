@@ -80,8 +80,7 @@ def observed(sizes: Sequence[FloatArray]) -> FloatArray:
 def costs_of_sizes(sizes: FloatArray, count: int) -> FloatArray:
     """min(s², 2 ln n + 2 ln s) of each of some |v|/(k σ) out of ``count`` observations."""
     price = 2.0 * np.log(max(count, 2))
-    found: FloatArray = np.minimum(sizes**2, price + 2.0 * np.log(np.maximum(sizes, 1.0)))
-    return found
+    return np.asarray(np.minimum(sizes**2, price + 2.0 * np.log(np.maximum(sizes, 1.0))))
 
 
 def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:

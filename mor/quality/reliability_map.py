@@ -439,8 +439,7 @@ def _rank(system: NormalEquationSolver, searches: list[_Search]) -> None:
 def _image(one: Candidates, system: NormalEquationSolver, x: FloatArray) -> FloatArray:
     """(k, m) A_j x."""
     moved = np.where(one.columns >= 0, x[_places(system, one.columns)], 0.0)
-    image: FloatArray = np.einsum("kmc,kc->km", one.jacobian, moved)
-    return image
+    return np.asarray(np.einsum("kmc,kc->km", one.jacobian, moved))
 
 
 def _gains(system: NormalEquationSolver, searches: list[_Search]) -> list[list[float]]:

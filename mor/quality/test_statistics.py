@@ -274,8 +274,7 @@ _MANY = 10_000.0
 
 def log_p_normal(w: FloatArray) -> FloatArray:
     """ln P(|x| ≥ |w|), x standard normal."""
-    log_p: FloatArray = np.log(2.0) + log_ndtr(-np.abs(w))
-    return log_p
+    return np.asarray(np.log(2.0) + log_ndtr(-np.abs(w)))
 
 
 def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
@@ -397,8 +396,7 @@ def comparable(sizes: FloatArray) -> FloatArray:
     finite = np.isfinite(sizes) & (sizes > 0.0)
     exponent = np.floor(np.log10(np.where(finite, sizes, 1.0)))
     quantum = 10.0 ** np.maximum(exponent + 1 - _DIGITS, -_DECIMALS)
-    rounded: FloatArray = np.where(finite, np.round(sizes / quantum) * quantum, sizes)
-    return rounded
+    return np.asarray(np.where(finite, np.round(sizes / quantum) * quantum, sizes))
 
 
 def least_alike(size: float) -> float:

@@ -147,8 +147,7 @@ def _step(quality: Quality, method: Method, estimated: BoolArray) -> FloatArray:
     found = _estimate(quality, method, estimated).variances
     if (found <= 0.0).any():
         found = _estimate(quality, "simplified", estimated).variances
-    step: FloatArray = np.sqrt(np.maximum(found, 0.0))
-    return step
+    return np.asarray(np.sqrt(np.maximum(found, 0.0)))
 
 
 def _adjusted(last: Adjustment, problem: Problem, total: FloatArray) -> Adjustment:

@@ -138,10 +138,9 @@ def _principal_point(camera: dict[str, Any]) -> FloatArray:
 def _radii(camera: dict[str, Any], measured: pl.DataFrame) -> FloatArray:
     xy = measured.select("x", "y").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
     down = _is_corner(camera) and not _counts_from_corner(camera)
-    radii: FloatArray = np.linalg.norm(
-        xy - _origin(camera) - _principal_point(camera) * np.array([1.0, -1.0 if down else 1.0]), axis=1
+    return np.asarray(
+        np.linalg.norm(xy - _origin(camera) - _principal_point(camera) * np.array([1.0, -1.0 if down else 1.0]), axis=1)
     )
-    return radii
 
 
 def _is_corner(camera: dict[str, Any]) -> bool:

@@ -234,8 +234,7 @@ def _turned(solved: Solved, number: int) -> FloatArray:
 
 def _values(solved: Solved, kind: str, number: int) -> FloatArray:
     if kind == "rotation":
-        angles: FloatArray = angles_from_rotation(_turned(solved, number))[0] / ANGLE_UNITS[angle_unit(solved)]
-        return angles
+        return np.asarray(angles_from_rotation(_turned(solved, number))[0] / ANGLE_UNITS[angle_unit(solved)])
     values: FloatArray = solved.adjustment.values[kind][number]
     return values @ solved.network.edge.matrix if kind == "point" else values
 

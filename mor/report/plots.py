@@ -455,10 +455,7 @@ def ellipses(
 
 
 def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
-    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards.
-
-    In elevation where it is asked for (``upright``), or where the network is higher than deep.
-    """
+    """Axes with names, units and directions, in plan or elevation; numbers of the coordinates to the right and up."""
     axes = figure.add_subplot()
     drawn = drawn_axes(view.summary["axes"]["xy"])
     plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]

@@ -365,10 +365,7 @@ def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
 def _reports(
     solved: Solved, of: RunIdentity, names: dict[str, str], files: Sequence[str], choice: Choice
 ) -> dict[str, Callable[[], str]]:
-    """The reports by their names, each as what makes its text.
-
-    ``names`` are those of the tables beside them, ``files`` all files of the run.
-    """
+    """Functions that make the texts of the reports, by name; ``names`` of tables and ``files`` of the run are told."""
     reports: dict[str, Callable[[], str]] = {
         "results.json": lambda: to_json(results(solved, names, of, files)),
         "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),

@@ -538,8 +538,7 @@ def _in_frame(geodetic: FloatArray, source: str, target: str, year: float) -> Fl
     )
     if not np.isfinite(moved).all():
         raise ValueError(f"its place cannot be transformed from {source} to {target}")
-    result: FloatArray = moved[:, [1, 0, 2]]
-    return result
+    return np.asarray(moved[:, [1, 0, 2]])
 
 
 @cache

@@ -196,8 +196,7 @@ class VectorError(NamedTuple):
 
     def variances(self, length: float) -> FloatArray:
         """(3,) east, north, up."""
-        result: FloatArray = np.array(self.metres) ** 2 + (1e-6 * length * np.array(self.ppm)) ** 2
-        return result
+        return np.asarray(np.array(self.metres) ** 2 + (1e-6 * length * np.array(self.ppm)) ** 2)
 
     def covariances(self, distance: float) -> FloatArray:
         """(3,) east, north, up, of two positions at this distance."""
@@ -913,8 +912,7 @@ def _of_set(members: list[Member], form: str, numbers: list[float]) -> FloatArra
         return Q
     np.fill_diagonal(Q, 1.0)
     sigma = np.concatenate([member.sigma or [0.0] * 3 for member in members])
-    scaled: FloatArray = Q * np.outer(sigma, sigma)
-    return scaled
+    return np.asarray(Q * np.outer(sigma, sigma))
 
 
 def _of_command(stations: StationFile, members: list[Member], error: VectorError | None) -> FloatArray:
