@@ -49,7 +49,8 @@ def rejections(solved: Solved, count: int, seed: int = 0) -> BoolArray:
 def _moments(quality: Quality, found: GroupTests) -> list[Moments]:
     """Moments of each test, worked out for all of them."""
     return [
-        moments(rows_of_test(quality, test, found.partitions[test.partition]), test.redundancy) for test in found.tests
+        moments(rows_of_test(quality, found.partitions[test.partition], test.number), test.redundancy)
+        for test in found.tests
     ]
 
 

@@ -45,7 +45,7 @@ from mor.plan.requirements import (
     wanted_of,
 )
 from mor.project.document import Document
-from mor.project.network import Correlation, Network
+from mor.project.network import Network
 from mor.project.schema import Variant
 from mor.quality.solution import Solved
 from mor.report import text_findings
@@ -224,13 +224,8 @@ def _without(network: Network, variant: Variant, at: str, problems: list[Message
         replace(group, observed=np.where(rows[:, None], np.nan, group.observed)) if rows.any() else group
         for group, rows in zip(network.groups, out, strict=True)
     )
-    found = []
-    for one in network.correlations:
-        stays = np.array([not out[g][r] for g, r in zip(one.groups, one.rows, strict=True)], dtype=bool)
-        if stays.any():
-            covariance = one.covariance[np.ix_(stays, stays)]
-            found.append(Correlation(one.groups[stays], one.rows[stays], one.components[stays], covariance))
-    return replace(network, groups=groups, correlations=tuple(found))
+    rest = [one.taken([~rows for rows in out]) for one in network.correlations]
+    return replace(network, groups=groups, correlations=tuple(one for one in rest if len(one.rows)))
 
 
 def _lost_rows(group: ObservationGroup, lost: dict[str, set[str]]) -> BoolArray:

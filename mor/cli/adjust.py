@@ -246,10 +246,11 @@ def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
 
 def show(asked: Asked, solved: Solved, of: RunIdentity, said: str) -> None:
     """Print the results to standard output and the summary to the terminal, with the outcome in colour there."""
-    from mor.report.results import results_text
+    from mor.report.output_folder import to_json
+    from mor.report.results import results
 
     if asked.as_json:
-        click.echo(results_text(solved, of), nl=False)
+        click.echo(to_json(results(solved, {}, of)), nl=False)
     if said:
         first, *rest = said.split("\n")
         good = exit_code(solved, strict=False) is ExitCode.DONE and solved.accepted

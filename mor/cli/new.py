@@ -81,7 +81,7 @@ def command(
     Exit codes: 0 done; 2 input.
     """
     from mor.errors import InputError, Message, counted, nearest
-    from mor.formats.exif import is_photograph
+    from mor.formats.exif import SUFFIXES
     from mor.output_files import write_files
     from mor.project.recognition import CameraSettings, begin, begin_test, levelled, told_apart
     from mor.project.schema import project_schema
@@ -98,7 +98,7 @@ def command(
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
         if unit and unit not in known:
             raise InputError([Message(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")])
-    if tables and all(map(is_photograph, tables)):
+    if tables and all(path.suffix.lower() in SUFFIXES for path in tables):
         _begin_from_photographs(project, tables, force)
         return
     found = told_apart(levelled([part for table in tables for part in _recognised(table)]))

@@ -83,7 +83,7 @@ def relative_command(
     from mor.errors import ExitCode
     from mor.model.rotations import rotation_from_angles
     from mor.report.language import words_of_orientation
-    from mor.report.orientation import read_homologous, relative, relative_data, relative_text, solved
+    from mor.report.orientation import read_homologous, relative, relative_data, relative_text
     from mor.report.output_folder import to_json
     from mor.units import ANGLE_UNITS
 
@@ -95,7 +95,7 @@ def relative_command(
     given = None if attitude is None else rotation_from_angles(np.array(attitude) * ANGLE_UNITS[angles])
     data = relative_data(measured, found, angles, given)
     click.echo(to_json(data) if as_json else relative_text(data, words_of_orientation(lang)), nl=False)
-    return ExitCode.DONE if solved(found) else ExitCode.SINGULAR
+    return ExitCode.SINGULAR if found.model is None else ExitCode.DONE
 
 
 @command.command(name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian).")
@@ -147,7 +147,7 @@ def planar_command(
     """
     from mor.errors import ExitCode
     from mor.report.language import words_of_orientation
-    from mor.report.orientation import ObjectSystem, is_known, planar, planar_data, planar_text, read_homologous
+    from mor.report.orientation import ObjectSystem, planar, planar_data, planar_text, read_homologous
     from mor.report.output_folder import to_json
 
     if length is not None and (length[0] == length[1] or not 0.0 < length[2] < inf):
@@ -158,7 +158,7 @@ def planar_command(
     shape = planar(measured, of_images, sigma, off)
     data = planar_data(measured, shape, of_images, ObjectSystem(length, length_sigma, wall, angles))
     click.echo(to_json(data) if as_json else planar_text(data, words_of_orientation(lang)), nl=False)
-    return ExitCode.DONE if is_known(shape) else ExitCode.SINGULAR
+    return ExitCode.DONE if shape.outcome.usable else ExitCode.SINGULAR
 
 
 def _check_sigma(*sigmas: float) -> None:

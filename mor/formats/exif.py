@@ -33,11 +33,6 @@ class Photograph(NamedTuple):
     """Horizontal, m."""
 
 
-def is_photograph(path: Path) -> bool:
-    """True for names of pictures."""
-    return path.suffix.lower() in SUFFIXES
-
-
 def read_photographs(paths: Sequence[Path], target: Path) -> Document:
     """A project with the cameras and images of photographs; ``target`` is the project file they begin.
 

@@ -73,18 +73,10 @@ def _two_focal_lengths(values: Numbers, side: float, width: float, height: float
     }
 
 
-def _opencv(*names: str) -> Callable[[Numbers, float, float, float], Interior]:
+def _opencv(*names: str, model: str = "opencv") -> Callable[[Numbers, float, float, float], Interior]:
     def interior(values: Numbers, side: float, width: float, height: float) -> Interior:
         focal = _two_focal_lengths(values, side, width, height)
-        return "opencv", {**focal, **{name: values.get(name, 0.0) for name in names}}
-
-    return interior
-
-
-def _fisheye(*names: str) -> Callable[[Numbers, float, float, float], Interior]:
-    def interior(values: Numbers, side: float, width: float, height: float) -> Interior:
-        focal = _two_focal_lengths(values, side, width, height)
-        return "fisheye", {**focal, **{name: values.get(name, 0.0) for name in names}}
+        return model, {**focal, **{name: values.get(name, 0.0) for name in names}}
 
     return interior
 
@@ -94,8 +86,8 @@ _KINDS: dict[str, Callable[[Numbers, float, float, float], Interior]] = {
     "brown": _opencv("k1", "k2", "p1", "p2", "k3"),
     "radial": _opencv("k1", "k2"),
     "simple_radial": _opencv("k1"),
-    "fisheye": _fisheye("k1", "k2"),
-    "fisheye_opencv": _fisheye("k1", "k2", "k3", "k4"),
+    "fisheye": _opencv("k1", "k2", model="fisheye"),
+    "fisheye_opencv": _opencv("k1", "k2", "k3", "k4", model="fisheye"),
 }
 """Projection types; OpenSfM's fisheye has one focal length and its principal point in the centre, which is told."""
 

@@ -279,7 +279,7 @@ def _outcomes(
     interest = wide.interest._replace(
         group=np.concatenate([wide.interest.group, np.full(size, len(adjustment.problem.groups))])
     )
-    full = wanted.with_least(np.concatenate([wanted.least_r, np.full(size, least)]))
+    full = wanted._replace(least_r=np.concatenate([wanted.least_r, np.full(size, least)]))
     taking = np.broadcast_to(interest.group >= 0, diagonal.shape)
     outcome = judged_outcome(interest, full, diagonal, 1.0 - diagonal, taking, K, W, possible)
     return outcome, _estimable(adjustment.inverse.null, J, columns)

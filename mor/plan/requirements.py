@@ -444,10 +444,6 @@ class RowLimits(NamedTuple):
     least_r: FloatArray
     """(m,) least redundancy number of each observation, 0 where nothing is required."""
 
-    def with_least(self, least_r: FloatArray) -> RowLimits:
-        """The same with other least redundancy numbers (m,)."""
-        return self._replace(least_r=least_r)
-
     @property
     def is_empty(self) -> bool:
         """True where nothing is required."""

@@ -116,6 +116,12 @@ class Correlation(NamedTuple):
     components: IntArray
     covariance: FloatArray
 
+    def taken(self, kept: Sequence[BoolArray]) -> Correlation:
+        """Return the entries in the rows (n,) of each group that are kept."""
+        stays = np.array([kept[g][r] for g, r in zip(self.groups, self.rows, strict=True)], dtype=bool)
+        part = self.covariance[np.ix_(stays, stays)]
+        return Correlation(self.groups[stays], self.rows[stays], self.components[stays], part)
+
 
 def correlations(reading: Reading, groups: list[ReadGroup]) -> tuple[Correlation, ...]:
     """All correlated clusters of the groups, checked to be positive definite."""
@@ -816,10 +822,8 @@ def _remaining(correlations: Sequence[Correlation], kept: Sequence[BoolArray]) -
     renumbered = [np.cumsum(rows) - 1 for rows in kept]
     result = []
     for cluster in correlations:
-        stays = np.array([kept[g][r] for g, r in zip(cluster.groups, cluster.rows, strict=True)], dtype=bool)
-        if not stays.any():
-            continue
-        groups, rows = cluster.groups[stays], cluster.rows[stays]
-        rows = np.array([renumbered[g][r] for g, r in zip(groups, rows, strict=True)], dtype=np.int64)
-        result.append(Correlation(groups, rows, cluster.components[stays], cluster.covariance[np.ix_(stays, stays)]))
+        rest = cluster.taken(kept)
+        if len(rest.rows):
+            rows = [renumbered[g][r] for g, r in zip(rest.groups, rest.rows, strict=True)]
+            result.append(rest._replace(rows=np.array(rows, dtype=np.int64)))
     return tuple(result)

@@ -422,7 +422,7 @@ def _decided(
     for k, (one, also) in enumerate(tests):
         numbers = int(count[k]), float(redundancy[k]), float(omega[k])
         if rejects[0][k] != rejects[1][k]:
-            some = moments(_rows(quality, of_partitions[one.partition], one.number), float(redundancy[k]))
+            some = moments(rows_of_test(quality, of_partitions[one.partition], one.number), float(redundancy[k]))
         else:
             some = Moments(*(part[k : k + 1] for part in both[1 if rejects[0][k] else 0]))
         log_p = float(log_tail(omega[k : k + 1], some)[0])
@@ -442,12 +442,8 @@ def _beside_rest(quality: Quality, test: GroupStatistic) -> float:
     return float(min(np.log(2.0) + min(above, below), 0.0))
 
 
-def rows_of_test(quality: Quality, test: GroupStatistic, partition: Partition) -> WhitenedRows:
+def rows_of_test(quality: Quality, partition: Partition, number: int) -> WhitenedRows:
     """The observations of a test, without those that are correlated with others'."""
-    return _rows(quality, partition, test.number)
-
-
-def _rows(quality: Quality, partition: Partition, number: int) -> WhitenedRows:
     chosen = rows_of(partition, number, quality.adjustment.problem.groups)
     for groups, rows, components in shared_between(quality, partition):
         for group, row, component in zip(groups, rows, components, strict=True):

@@ -24,7 +24,15 @@ from mor.solve.elimination import cofactors as ray_cofactors
 from mor.solve.engine import Put, in_lanes
 from mor.solve.iterate import Adjustment
 from mor.solve.normals import Plan, RowClusters, RowSet, image_of_rays, point_of_ray, reduced_columns
-from mor.solve.problem import AlikeClusters, linearise, linearised_parts, misclosures, rotation_tangents, spread
+from mor.solve.problem import (
+    AlikeClusters,
+    Linearised,
+    linearise,
+    linearised_parts,
+    misclosures,
+    rotation_tangents,
+    spread,
+)
 from mor.solve.rays import Chunk, RayPlan
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallestIntArray, SmallIntArray
 
@@ -294,13 +302,8 @@ def row_cluster_quality(
     extra: WeakDirections,
 ) -> dict[int, Correlated]:
     """The same of all clusters of a group that are single rows, together; quality is that of the group."""
-    plan, number = adjustment.plan, clusters.group
-    group, index = adjustment.problem.groups[number], adjustment.problem.index
-    rows = linearise(group, index, adjustment.inverse.values, tangent, clusters.rows)
-    counted = counted_columns(adjustment, number, clusters.rows, rows.columns)
-    own = np.where(counted[:, None, :], rows.jacobian, 0.0)
-    both = np.concatenate([rows.jacobian, own], axis=1)
-    q = row_cofactors(cofactors, plan.target.block_of, both, reduced_columns(rows.columns, plan.reduced))
+    number = clusters.group
+    rows, own, q = _row_cofactors(adjustment, cofactors, number, clusters.rows, tangent)
     m = rows.jacobian.shape[1]
     image = rows.jacobian @ _of_columns(adjustment.inverse.weak, rows.columns)
     adjusted = q[:, :m, :m] + image @ np.swapaxes(image, 1, 2)
@@ -338,6 +341,18 @@ def row_cluster_quality(
         freedom=freedom[row],
     )
     return {number: found}
+
+
+def _row_cofactors(
+    adjustment: Adjustment, cofactors: BlockMatrix, number: int, chosen: IntArray, tangent: FloatArray | None
+) -> tuple[Linearised, FloatArray, FloatArray]:
+    """Equations of rows of a group, J by the counted columns alone (k, m, c), and (J; J') Q (J; J')ᵀ (k, 2m, 2m)."""
+    plan, problem = adjustment.plan, adjustment.problem
+    rows = linearise(problem.groups[number], problem.index, adjustment.inverse.values, tangent, chosen)
+    own = np.where(counted_columns(adjustment, number, chosen, rows.columns)[:, None, :], rows.jacobian, 0.0)
+    both = np.concatenate([rows.jacobian, own], axis=1)
+    q = row_cofactors(cofactors, plan.target.block_of, both, reduced_columns(rows.columns, plan.reduced))
+    return rows, own, q
 
 
 def _of_columns(directions: FloatArray, columns: IntArray) -> FloatArray:
@@ -615,20 +630,14 @@ def _fill_row_set(
     tangent: FloatArray | None,
     extra: WeakDirections,
 ) -> None:
-    plan, number = adjustment.plan, row_set.group
-    group, index = adjustment.problem.groups[number], adjustment.problem.index
-    rows = linearise(group, index, adjustment.inverse.values, tangent, row_set.rows)
-    counted = counted_columns(adjustment, number, row_set.rows, rows.columns)
-    own = np.where(counted[:, None, :], rows.jacobian, 0.0)
-    both = np.concatenate([rows.jacobian, own], axis=1)
-    q = row_cofactors(cofactors, plan.target.block_of, both, reduced_columns(rows.columns, plan.reduced))
+    number = row_set.group
+    rows, own, q = _row_cofactors(adjustment, cofactors, number, row_set.rows, tangent)
     m = rows.jacobian.shape[1]
     q, shares = q[:, :m, :m], np.diagonal(q[:, m:, :m], axis1=1, axis2=2)
     shares = shares + extra.added(own, rows.jacobian, rows.columns)
     weak = adjustment.inverse.weak
     if weak.shape[1]:
-        moved = np.where((rows.columns >= 0)[:, :, None], weak[rows.columns], 0.0)
-        image = rows.jacobian @ moved
+        image = rows.jacobian @ _of_columns(weak, rows.columns)
         q = q + image @ np.swapaxes(image, 1, 2)
     here = row_set.weight > 0.0
     white = q * row_set.weight[:, :, None] * row_set.weight[:, None, :]

@@ -230,7 +230,7 @@ def _explained(quality: Quality, tests: GroupTests, test: GroupStatistic) -> Exp
     single = _single_observations(quality, chosen, test.omega)
     if test.omega < test.redundancy:  # residuals that are too small: no effect makes them so
         return Explained(test, *single, None, False)
-    rows = rows_of_test(quality, test, tests.partitions[test.partition])
+    rows = rows_of_test(quality, tests.partitions[test.partition], test.number)
     effects = [
         effect
         for effect in common_effects(quality, rows, chosen, test.redundancy)

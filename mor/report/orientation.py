@@ -182,17 +182,12 @@ def planar(measured: HomologousPoints, constants: FloatArray, sigma: float, off:
     return shape_of_plane(bundles(measured, constants, sigma), beside)
 
 
-def is_known(shape: PlaneShape) -> bool:
-    """Return True if the outcome names a solution, unambiguous or not."""
-    return shape.outcome.usable
-
-
 def planar_data(
     measured: HomologousPoints, shape: PlaneShape, constants: FloatArray, wanted: ObjectSystem
 ) -> dict[str, Any]:
     """Plane object and cameras; lengths in the unit of the given length, else the first two points are one apart."""
     check_names(measured, () if wanted.length is None else wanted.length[:2])
-    shapes = (shape, *shape.alternatives) if is_known(shape) else ()
+    shapes = (shape, *shape.alternatives) if shape.outcome.usable else ()
     return {
         "outcome": shape.outcome.name.lower(),
         "words": shape.outcome.value,
@@ -331,7 +326,7 @@ def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) ->
         pairs.append(found)
         common.append(both)
         used[:, np.flatnonzero(both)[~found.agreeing]] = False
-    known = [is_orientation_known(pair) for pair in pairs]
+    known = [pair.orientation.outcome.usable for pair in pairs]
     hang_together = any(known) and all(
         one or bool(np.all(np.isfinite(pair.orientation.rotation)) and np.isnan(pair.orientation.base[0]))
         for one, pair in zip(known, pairs, strict=True)
@@ -339,22 +334,12 @@ def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) ->
     all_of_them = joined(pairs, images, used) if hang_together else Joined(pairs, None, None, 0)
     auxiliary: list[Auxiliary | None] = [None] * len(pairs)
     for k, (pair, both) in enumerate(zip(all_of_them.pairs, common, strict=True)):
-        if is_orientation_known(pair):
+        if pair.orientation.outcome.usable:
             a, b = (image.take(both).take(pair.agreeing) for image in images[k : k + 2])
             auxiliary[k] = auxiliary_of(a, b, pair.orientation)
     return Oriented(
         all_of_them.pairs, auxiliary, common, used, all_of_them.chain, all_of_them.model, all_of_them.rivals
     )
-
-
-def is_orientation_known(pair: RobustOrientation) -> bool:
-    """Return True if the outcome names a solution, unambiguous or not."""
-    return pair.orientation.outcome.usable
-
-
-def solved(found: Oriented) -> bool:
-    """Return True if all images hang together."""
-    return found.model is not None
 
 
 def relative_data(

@@ -475,11 +475,6 @@ def write_project(placed: Placed, document: Document, source: Path, place: Reser
     write_folder(place, {**writers, PROJECT: text})
 
 
-def results_text(solved: Solved, of: RunIdentity) -> str:
-    """``results.json`` as text, for programs that read standard output."""
-    return to_json(results(solved, {}, of))
-
-
 def _page(solved: Solved, of: RunIdentity, file: str, language: str) -> str:
     from mor.report.page import page
     from mor.report.view import view_of
