@@ -19,7 +19,7 @@ from mor.input_files import read_text
 from mor.linalg.cholesky import NotFiniteError
 from mor.model.contract import ObservationGroup
 from mor.model.parameters import Values
-from mor.project.document import Document
+from mor.project.document import Document, KeyPath
 from mor.project.network import Network
 from mor.project.rows import group_name
 from mor.project.schema import TableEntry
@@ -38,8 +38,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # Comments, order and layout stay as they are. A hypothesis that cannot be expressed in this way has no diff:
 # if a table is compressed, stands in a data frame, or its cells are given for all rows together.
 
-At: TypeAlias = tuple[str | int, ...]
-"""Path of a value in the project file."""
 CellChange: TypeAlias = Callable[[str, AddedParameter | None], str | None]
 """New text of a cell from the old one and the estimated amount; None if there is none."""
 LARGEST = 4_000_000
@@ -49,7 +47,7 @@ LARGEST = 4_000_000
 class KeyEdit(NamedTuple):
     """A value of the project file that is set, or replaced."""
 
-    at: At
+    at: KeyPath
     text: Callable[[str, AddedParameter | None], str | None]
     """New text from the old one, which is empty if there is none yet."""
 
@@ -57,7 +55,7 @@ class KeyEdit(NamedTuple):
 class CellEdit(NamedTuple):
     """A cell of a table that is replaced."""
 
-    at: At
+    at: KeyPath
     """Path of the table in the project file, or of a section one of whose tables has the row."""
     column: str
     change: CellChange
@@ -74,12 +72,12 @@ class _NotExpressibleError(Exception):
     """An edit that cannot be made in place."""
 
 
-def key_edit(at: At, text: str) -> KeyEdit:
+def key_edit(at: KeyPath, text: str) -> KeyEdit:
     """Return the edit that sets a value of the project file to a fixed text."""
     return KeyEdit(at, lambda _old, _amount: text)
 
 
-def table_of(network: Network, number: int) -> At | None:
+def table_of(network: Network, number: int) -> KeyPath | None:
     """Return the path of the table of a group of observations, None if it comes from none."""
     name = network.groups[number].name
     found = [k for k, entry in enumerate(network.project.observations) if group_name(entry, k) == name]
@@ -222,7 +220,7 @@ class _Files:
                     waiting += node.value
         return self.root
 
-    def _walk(self, at: At) -> tuple[Any, At]:
+    def _walk(self, at: KeyPath) -> tuple[Any, KeyPath]:
         """The deepest value there is on a path, and the rest of the path."""
         node = self._tree()
         for place, step in enumerate(at):

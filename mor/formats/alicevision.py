@@ -12,7 +12,7 @@ import numpy as np
 import polars as pl
 
 from mor.errors import counted
-from mor.formats.draft import Draft, JsonFile, Row, Wrong, mapping
+from mor.formats.draft import FLIP, Draft, JsonFile, Row, Wrong, mapping
 from mor.model.rotations import angles_from_rotation
 from mor.project.document import Document
 from mor.types import FloatArray
@@ -23,7 +23,6 @@ from mor.types import FloatArray
 # centre of the image, width/2 and height/2, counts them. Distortion is that of OpenCV: at the ideal
 # coordinates, added.
 
-_FLIP = np.diag([1.0, -1.0, -1.0])
 DISTORTIONS = {
     "": (),
     "radial1": ("k1",),
@@ -84,7 +83,7 @@ class BlockBuilder:
             raise Wrong(f"image {name!r}: its rotation matrix is not a rotation")
         own = name if name not in self.images.values() else f"{name} ({view})"
         self.images[view] = own
-        numbers = [*centre, *angles_from_rotation(_FLIP @ R)]
+        numbers = [*centre, *angles_from_rotation(FLIP @ R)]
         self.rows.append(Row([own, camera, *(repr(float(v)) for v in numbers)], self.file.line(name)))
 
     def add_ray(self, view: str, point: str, xy: Sequence[float]) -> None:

@@ -110,6 +110,8 @@ class Draft:
         return Document(self.data, self.lines, self.file, self.files, tuple(self.notes), frames=self.frames)
 
 
+FLIP = np.diag([1.0, -1.0, -1.0])
+"""Camera axes of other programs (right, down, forward) from mor's (right, up, backward), and back."""
 LARGEST = 1e30
 """Numbers beyond it are none of a measurement, and their squares leave the range of floating point."""
 

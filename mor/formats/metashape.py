@@ -16,6 +16,7 @@ from mor.errors import InputError, Message, counted
 from mor.formats.colmap.model import MODELS, camera_from
 from mor.formats.content import Content, ImageBlock, block, content_of, frames, interior_values, not_carried
 from mor.formats.draft import (
+    FLIP,
     Draft,
     Element,
     Row,
@@ -131,7 +132,6 @@ def _estimated(calibration: Element | None, values: dict[str, float]) -> tuple[s
 # coordinate system. Pixels count from the upper left corner of the upper left pixel (Agisoft, *Metashape User
 # Manual*, appendices).
 
-_FLIP = np.diag([1.0, -1.0, -1.0])
 SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
 """σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
 
@@ -469,7 +469,7 @@ def _pose(there: tuple[FloatArray, FloatArray, float] | None, camera: Element, n
     if max(np.abs(R).max(), np.abs(t).max(), abs(s)) > 1e30:
         raise ValueError(f"transform of camera {name!r}: found a number beyond 1e30")
     world, centre = R @ T[:3, :3], s * R @ T[:3, 3] + t
-    numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]
+    numbers = [*centre, *angles_from_rotation(FLIP @ world.T)]
     return [repr(float(v)) for v in numbers] if np.isfinite(numbers).all() else [None] * 6
 
 
@@ -680,8 +680,6 @@ def _sigma(given: dict[str, str], axis: str, default: str) -> str:
 
 # ---- An image block as Metashape's XML: sensors, cameras, and points as markers with their projections.
 
-_METASHAPE_WRITER_FLIP = np.diag([1.0, -1.0, -1.0])
-
 
 def write_metashape(document: Document, folder: Path, target: Path) -> Written:
     """One XML file. Raises :class:`InputError` for cameras that Metashape cannot say, and images without a pose."""
@@ -722,7 +720,7 @@ def write_metashape(document: Document, folder: Path, target: Path) -> Written:
 def _transform(pose: np.ndarray) -> str:
     """Camera axes (right, down, forward) to the object system, row by row."""
     T = np.eye(4)
-    T[:3, :3] = rotation_from_angles(pose[3:]).T @ _METASHAPE_WRITER_FLIP
+    T[:3, :3] = rotation_from_angles(pose[3:]).T @ FLIP
     T[:3, 3] = pose[:3]
     return " ".join(repr(v) for v in T.ravel().tolist())
 

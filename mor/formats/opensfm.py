@@ -12,7 +12,7 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted
 from mor.formats.content import content_of, frames, image_points, not_carried, points
-from mor.formats.draft import Draft, JsonFile, Row, Written, Wrong, json_number, mapping, numbers, read_lines
+from mor.formats.draft import FLIP, Draft, JsonFile, Row, Written, Wrong, json_number, mapping, numbers, read_lines
 from mor.formats.recognition import ControlMeasurements, read_control
 from mor.model.rotations import angles_from_rotation, exponential
 from mor.project.document import Document
@@ -216,9 +216,6 @@ def _sigma_of(name: str, prior: dict[str, Any], sigma: dict[str, float], side: f
 
 # ---- An OpenSfM block as a project: east, north, up in metres about its reference point, σ = 1 px.
 
-_FLIP = np.diag([1.0, -1.0, -1.0])
-"""OpenSfM's camera axes (right, down, forward) from mor's (right, up, backward)."""
-
 
 def read_opensfm(path: Path) -> Document:
     """The project of a folder (or the ``opensfm`` folder in it) with ``reconstruction.json`` and ``tracks.csv``.
@@ -346,7 +343,7 @@ def _image(name: str, shot: dict[str, Any], cameras: dict[str, str], file: JsonF
         raise Wrong(f"shot {name!r}: camera {camera!r} is not among the cameras")
     R = exponential(np.array(numbers(shot.get("rotation"), 3, f"shot {name!r}: rotation")))
     centre = -(R.T @ np.array(numbers(shot.get("translation"), 3, f"shot {name!r}: translation")))
-    angles = angles_from_rotation(_FLIP @ R)
+    angles = angles_from_rotation(FLIP @ R)
     pose: list[str | None] = [repr(float(v)) for v in (*centre, *angles)]
     sigma = _accuracy(shot)
     if other_system:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from mor.errors import counted
-from mor.formats.draft import Draft, Row
+from mor.formats.draft import FLIP, Draft, Row
 from mor.formats.recognition import (
     CAMERAS,
     CONTROL,
@@ -33,7 +33,6 @@ from mor.types import FloatArray
 
 SIGMA_CONTROL, SIGMA_MARK = "0.02", "1"
 """σ of control (m; Pix4D's own default) and of image points (px): the files say none."""
-_FLIP = np.diag([1.0, -1.0, -1.0])
 _POSE = ("x", "y", "z", "omega", "phi", "kappa")
 
 
@@ -134,7 +133,7 @@ def _poses(photos: Sequence[CalibratedImage], files: dict[str, Path], draft: Dra
     if OFFSET in files:
         offset = _offset(files[OFFSET], draft)
     poses = {
-        photo.name: np.array([*(photo.position + offset), *np.degrees(angles_from_rotation(_FLIP @ photo.rotation))])
+        photo.name: np.array([*(photo.position + offset), *np.degrees(angles_from_rotation(FLIP @ photo.rotation))])
         for photo in photos
     }
     if EXTERNAL not in files:

@@ -123,7 +123,6 @@ BEARING = ObservationType(
 # A ratio is what a distance meter says whose scale nobody knows: of two distances from one place it cancels.
 
 Length = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-UPWARDS = np.array([0.0, 0.0, 1.0])
 
 
 def horizontal_distance(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -158,9 +157,9 @@ def distance_type(key: str, length: Length, through_air: bool = False) -> Observ
 def _ratio(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
     """q = s(at → to) / s(at → from), heights included. It has no value where the place and ``from`` coincide."""
     station, station_height, first, first_height, second, second_height = blocks
-    start = station + station_height * UPWARDS
-    length, along = spatial_length(first + first_height * UPWARDS - start)
-    other, by_second = spatial_length(second + second_height * UPWARDS - start)
+    start = station + station_height * UP
+    length, along = spatial_length(first + first_height * UP - start)
+    other, by_second = spatial_length(second + second_height * UP - start)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = other / length
         by_first = -(ratio / length)[:, None] * along

@@ -22,7 +22,7 @@ from mor.quality.outliers import (
 )
 from mor.quality.robust_estimation import exclude
 from mor.quality.test_statistics import ObservationQuality, comparable, critical_value, sidak
-from mor.solve.iterate import Adjustment, Iteration, SolverSettings, adjust
+from mor.solve.iterate import Adjustment, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -272,7 +272,6 @@ def cost_at(problem: Problem, values: Values) -> float:
 _MOST_ROUNDS = 100
 """Rounds after which snooping ends, clean or not; a round takes out every error that does not hide another one."""
 
-Watcher = Callable[[Iteration], None]
 Out = frozenset[Entry]
 """What is taken out."""
 

@@ -12,6 +12,7 @@ import polars as pl
 from mor.errors import InputError, Message, nearest
 from mor.input_files import read_bytes
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
+from mor.report.estimates import ANGLES
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import cells, fixed, heading, short, table
 from mor.report.units import number_or_none
@@ -125,8 +126,6 @@ def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> 
 
 
 # ---- Arrays as plain data, and small tables of what has a σ.
-
-ANGLES = ("omega", "phi", "kappa")
 
 
 def numbers(array: FloatArray) -> Any:

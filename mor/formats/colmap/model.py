@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mor.formats.content import interior_values
+from mor.formats.draft import FLIP
 from mor.model.rotations import quaternions, rotation_of_quaternion
 from mor.project.axes import Edge, ImageScale, image_scale, split
 from mor.project.schema import Camera
@@ -93,9 +94,6 @@ def empty_points() -> tuple[FloatArray, IntArray]:
 
 
 # ---- Poses: COLMAP's quaternions and translations, mor's rotations and projection centres.
-
-FLIP = np.diag([1.0, -1.0, -1.0])
-"""COLMAP's camera axes (right, down, forward) from mor's (right, up, backward), and back."""
 
 
 def ours(pose: QuaternionPose) -> tuple[FloatArray, FloatArray]:

@@ -31,6 +31,7 @@ from mor.formats.colmap.model import (
     relative,
 )
 from mor.formats.draft import Draft, Row, parse_number, read_lines, usable
+from mor.formats.recognition import COLMAP_FILES
 from mor.input_files import read_bytes
 from mor.model.rotations import angles_from_rotation
 from mor.project.document import Document
@@ -376,8 +377,6 @@ def read_text_frames(path: Path, draft: Draft) -> list[RigFrame]:
 
 # ---- A COLMAP model as a project: an image block with the datum of its points, σ = 1 px.
 
-_PARTS = ("cameras", "images", "points3D")
-
 
 def read_colmap(path: Path) -> Document:
     """The project of a folder with a model, or of one of its files. Raises :class:`InputError` with every mistake."""
@@ -426,12 +425,12 @@ def read_colmap(path: Path) -> Document:
 
 def read_model(folder: Path, draft: Draft) -> ColmapModel:
     """The files of a folder; binary ones where both are whole. Raises :class:`InputError` if one is missing."""
-    end = max((".bin", ".txt"), key=lambda end: sum((folder / f"{part}{end}").is_file() for part in _PARTS))
-    missing = [f"{name}{end}" for name in _PARTS if not (folder / f"{name}{end}").is_file()]
+    end = max((".bin", ".txt"), key=lambda end: sum((folder / f"{part}{end}").is_file() for part in COLMAP_FILES))
+    missing = [f"{name}{end}" for name in COLMAP_FILES if not (folder / f"{name}{end}").is_file()]
     if missing:
-        words = f"this folder has no {', '.join(missing)}; a COLMAP model has {', '.join(_PARTS)} as .bin or .txt"
+        words = f"this folder has no {', '.join(missing)}; a COLMAP model has {', '.join(COLMAP_FILES)} as .bin or .txt"
         raise InputError([Message(words, str(folder))])
-    paths = {name: folder / f"{name}{end}" for name in (*_PARTS, "rigs", "frames")}
+    paths = {name: folder / f"{name}{end}" for name in (*COLMAP_FILES, "rigs", "frames")}
     has_rigs = paths["rigs"].is_file() and paths["frames"].is_file()
     if end == ".bin":
         return ColmapModel(

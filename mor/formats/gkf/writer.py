@@ -11,14 +11,13 @@ import numpy as np
 from mor.errors import InputError, Message
 from mor.formats.content import Content, ContentTable, content_of, not_carried, points
 from mor.formats.draft import Written
-from mor.formats.gkf.reader import CC, GON, NAMES, PARTS
+from mor.formats.gkf.reader import ANGULAR, CC, GON, NAMES, PARTS
 from mor.formats.networks import ObservationTable, groups, heights_of, stations, tilted_stations
 from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.project.schema import Datum
 from mor.types import FloatArray
 
-_ANGULAR = ("direction", "angle", "z-angle", "azimuth")
 _SECTIONS = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
 _TOLERANCE = "1e9"
 """gama-local leaves out what misses the given coordinates by more (mm); mor leaves nothing out by itself."""
@@ -178,7 +177,7 @@ def _merged(sections: dict[tuple[str, str], list[str]]) -> dict[tuple[str, str],
 
 def _unit(element: str, metres: float) -> float:
     """Internal units per unit of the σ that GNU Gama has: cc, mm."""
-    return CC if element in _ANGULAR else 1e-3 / metres
+    return CC if element in ANGULAR else 1e-3 / metres
 
 
 def _section(group: ObservationTable, references: dict[str, str], row: int) -> tuple[str, str]:
@@ -205,7 +204,7 @@ def _elements(
     for k, part in enumerate(PARTS[group.entry.type]):
         if not np.isfinite(values[k]):
             continue
-        number = float(values[k] / GON if part.element in _ANGULAR else values[k] * metres)
+        number = float(values[k] / GON if part.element in ANGULAR else values[k] * metres)
         inside = result.setdefault(part.element, [f"<{part.element} {named}"])
         inside.append(f'{part.attribute}="{number!r}"')
         if with_sigma:
