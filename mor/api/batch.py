@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from mor.api.workers import Done
 from mor.errors import ExitCode, InputError, Message
 from mor.report.batch import BatchRow
-from mor.report.comparison import differences
+from mor.report.comparison import differences, said_value
 
 _STATUS = {
     ExitCode.INPUT: "input",
@@ -87,7 +87,7 @@ def row_of(case: Case, done: Done, is_new: bool, against: Path | None, tolerance
     if content is None:
         return row._replace(differences=-1, first="no results to compare")
     found = differences(kept, content, tolerance)
-    first = f"{found[0].place}: {_said(found[0].one)} | {_said(found[0].other)}" if found else ""
+    first = f"{found[0].place}: {said_value(found[0].one)} | {said_value(found[0].other)}" if found else ""
     return row._replace(differences=len(found), first=first)
 
 
@@ -133,7 +133,3 @@ def _last_line(log: Path) -> str:
         return ""
     told = [line for line in lines if line.strip() and not line.startswith("note: ")]
     return told[0] if told else ""
-
-
-def _said(value: Any) -> str:
-    return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)

@@ -133,7 +133,7 @@ def check_page(page: Path | None, epochs: bool, force: bool) -> None:
 
 
 def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> ExitCode:
-    from mor.report.comparison import differences
+    from mor.report.comparison import differences, said_value
     from mor.report.language import words_of
 
     words = words_of(lang)
@@ -141,19 +141,13 @@ def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> E
     found = differences(_content(one), _content(other), tol)
     if not quiet:
         for difference in found[:SHOWN]:
-            click.echo(
-                f"{difference.place}: {words.listed(_said(difference.one))} | {words.listed(_said(difference.other))}"
-            )
+            values = (words.listed(said_value(value)) for value in (difference.one, difference.other))
+            click.echo(f"{difference.place}: {' | '.join(values)}")
         if len(found) > SHOWN:
             click.echo(words("and {count} more", count=len(found) - SHOWN))
         said = "{count:difference|differences} beyond {tol}" if found else "equal within {tol}"
         click.echo(words(said, count=len(found), tol=f"{tol:g}"), err=True)
     return ExitCode.REJECTED if found else ExitCode.DONE
-
-
-def _said(value: Any) -> str:
-    """A value of results on one line: of a row that the other one lacks only that it is there."""
-    return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)
 
 
 def _content(path: Path) -> Any:

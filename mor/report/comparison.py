@@ -75,6 +75,11 @@ def _lists(one: list[Any], other: list[Any], tolerance: float, place: str) -> It
         yield from _differences(a, b, tolerance, f"{place}[{number}]")
 
 
+def said_value(value: Any) -> str:
+    """A value of results on one line: of a row that the other one lacks only that it is there."""
+    return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)
+
+
 def _by_name(rows: list[Any]) -> dict[str, Any] | None:
     for key in ("id", "name"):
         if rows and all(isinstance(row, dict) and key in row for row in rows):
