@@ -577,10 +577,7 @@ def meta(data: PageData) -> dict[str, Any]:
         "scanned": scanned_images(view),
         "axes": drawn_axes(view.summary["axes"]["xy"]),
         "frame": [list(edge) for edge in network_frame(view) or ()],
-        "windows": {
-            name: {"x": area.x, "y": area.y, "down": area.down, "known": area.known}
-            for name, area in data.windows.items()
-        },
+        "windows": {name: area._asdict() for name, area in data.windows.items()},
         "image_unit": {
             name: str(unit) for name, unit in data.measured.group_by("image").agg(pl.col("unit").first()).rows()
         }
