@@ -70,7 +70,7 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
         return []
     null, bound = adjustment.defect.datum, adjustment.constraint.normals
     if null.shape[1]:
-        weak = weak - null @ np.linalg.solve(bound.T @ null, bound.T @ weak)
+        weak = weak - null @ rotations.solve(bound.T @ null, bound.T @ weak)
     index = adjustment.problem.index
     variance = np.sum(weak**2, axis=1)
     if quality is None:
