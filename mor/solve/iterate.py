@@ -41,6 +41,7 @@ from mor.solve.normals import (
     objective,
 )
 from mor.solve.problem import Problem, linearise, linearise_of, rotation_tangents
+from mor.solve.rays import is_ray
 from mor.types import LARGEST, FloatArray, IntArray
 
 # ---- What Gauss-Newton leaves out of the curvature, residual times second derivative, learnt from the steps
@@ -739,7 +740,7 @@ def adjust(
 ) -> Adjustment:
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
     settings = settings or SolverSettings()
-    plan = make_plan(problem, eliminable_rays(problem, start), start)
+    plan = make_plan(problem, eliminable_rays(problem, start))
     check_room(memory_of_adjustment(plan), "the adjustment", LESS)
     with threads_for(plan.elimination.largest_front):
         return _iterated(plan, start, settings, watch)
@@ -853,10 +854,24 @@ def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
     now = state.normals.objective
     if not state.iterations or state.iterations[-1].objective > (1.0 + _STANDS) * now:
         return _NO_POINTS, _NO_POINTS
-    farther = _toward_points(state.plan, state.values, step)[-1]
     points, last = state.plan.seen_points[0], state.iterations[-_PASSING:]
+    far = points[_toward_points(state.plan, state.values, step)[-1] > _BEYOND]
     waits = len(last) == _PASSING and all(one.damping for one in last) and last[0].objective <= (1.0 + _STANDS) * now
-    return points[farther > _BEYOND], points[waits & (farther < -1.0)]
+    return far, _passing(state, step) if waits else _NO_POINTS
+
+
+def _passing(state: Adjustment, step: FloatArray) -> IntArray:
+    """Return points (k,) that only rays meet and that a step (u,) leads past a camera that sees them."""
+    only = np.zeros(len(state.values["point"]), dtype=bool)
+    only[state.plan.seen_points[0]] = True
+    there = move(state.problem.index, state.values, step)["point"]
+    passing = [_NO_POINTS]
+    for group in filter(is_ray, state.problem.groups):
+        rows = np.flatnonzero(only[group.blocks[-1]])
+        point, camera = group.blocks[-1][rows], group.blocks[0][rows]
+        before, after = (places[point] - places[camera] for places in (state.values["point"], there))
+        passing.append(point[np.einsum("ni,ni->n", before, after) < 0.0])
+    return np.unique(np.concatenate(passing))
 
 
 def _with_curvature(state: Adjustment, change: float) -> Taken | None:

@@ -75,15 +75,22 @@ class Plan:
     elimination: Elimination
     row_sets: tuple[RowSet, ...]
     clusters: tuple[ClusterRows, ...]
-    seen_points: tuple[IntArray, IntArray]
-    """Points that only rays meet, and of each the position of the nearest camera that sees it: numbers of point blocks.
-    None where the places of points are not told."""
 
     @cached_property
     def sorted_clusters(self) -> tuple[tuple[RowClusters, ...], tuple[AlikeClusters, ...]]:
         """Clusters that are single rows, by group, and the others, those that are alike together."""
         of_rows, wide = _sorted_clusters(self.problem, self.clusters)
         return of_rows, alike_clusters(self.problem, wide)
+
+    @cached_property
+    def seen_points(self) -> tuple[IntArray, IntArray]:
+        """Points that only rays meet, and of each the position of a camera that sees it: numbers of point blocks."""
+        points = _candidates(self.problem)
+        camera = np.zeros(int(points.max(initial=-1)) + 1, dtype=np.int64)
+        for group in filter(is_ray, self.problem.groups):
+            seen = group.blocks[-1] < len(camera)
+            camera[group.blocks[-1][seen]] = group.blocks[0][seen]
+        return points, camera[points]
 
     @cached_property
     def places_in_clusters(self) -> dict[tuple[int, int, int], tuple[ClusterRows, int]]:
@@ -97,11 +104,10 @@ class Plan:
         }
 
 
-def make_plan(problem: Problem, rays: RayPlan | None = None, start: Values | None = None) -> Plan:
+def make_plan(problem: Problem, rays: RayPlan | None = None) -> Plan:
     """Work out rows, pattern and elimination order of a problem.
 
-    ``rays`` are those of the points to eliminate on the fly (see :mod:`mor.solve.normals`); the ``start`` values tell
-    which cameras are near.
+    ``rays`` are those of the points to eliminate on the fly (see :mod:`mor.solve.normals`).
     """
     if rays is None:
         rays = plan_rays(problem, np.zeros(0, dtype=np.int64))
@@ -115,20 +121,7 @@ def make_plan(problem: Problem, rays: RayPlan | None = None, start: Values | Non
     reduced[kept] = np.arange(len(kept))
     of_rows, wide = _sorted_clusters(problem, clusters)
     structure = _structure(problem, (*row_sets, *of_rows), wide, rays, block_of, sizes, reduced)
-    seen = _seen_points(problem, start) if start is not None else (np.zeros(0, dtype=np.int64),) * 2
-    return Plan(problem, kept, reduced, rays, target(structure), analyse(structure), row_sets, clusters, seen)
-
-
-def _seen_points(problem: Problem, start: Values) -> tuple[IntArray, IntArray]:
-    points, groups = _candidates(problem), [group for group in problem.groups if is_ray(group)]
-    if not len(points):
-        return points, points
-    seen, place = (np.concatenate([group.blocks[slot] for group in groups]) for slot in (-1, 0))
-    distance = np.linalg.norm(start["point"][seen] - start["point"][place], axis=1)
-    order = np.argsort(-distance, kind="stable")
-    camera = np.zeros(len(start["point"]), dtype=np.int64)
-    camera[seen[order]] = place[order]  # the nearest is the last
-    return points, camera[points]
+    return Plan(problem, kept, reduced, rays, target(structure), analyse(structure), row_sets, clusters)
 
 
 def _sorted_clusters(

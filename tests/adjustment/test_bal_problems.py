@@ -31,7 +31,7 @@ def test_steps_change_the_inverse_distance_of_points_that_rays_meet(tmp_path: Pa
     path = tmp_path / "problem.txt"
     path.write_text(bal_problem(0).text)
     network = read_network(read_document(path), tmp_path)
-    plan = make_plan(make_problem(network, network.start, network.start), start=network.start)
+    plan = make_plan(make_problem(network, network.start, network.start))
     points, cameras = plan.seen_points
     assert len(points) == len(bal_problem(0).points)
     values, columns = network.start, plan.problem.index.columns["point"]
