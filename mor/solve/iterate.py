@@ -231,6 +231,8 @@ _LARGEST_TURN = 0.5
 
 _FARTHER = 10.0
 """Times that a point may get farther from a camera in a step."""
+_FITS = 10.0
+"""vᵀPv in terms of the redundancy up to which a step past a camera is the fault of a point, if few points are."""
 _PASSING = 5
 """Damped iterations without a gain after which a point that a step leads through a camera is what they wait for."""
 _BEYOND = 1e3
@@ -857,7 +859,10 @@ def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
     points, last = state.plan.seen_points[0], state.iterations[-_PASSING:]
     far = points[_toward_points(state.plan, state.values, step)[-1] > _BEYOND]
     waits = len(last) == _PASSING and all(one.damping for one in last) and last[0].objective <= (1.0 + _STANDS) * now
-    return far, _passing(state, step) if waits else _NO_POINTS
+    if not waits or now > _FITS * max(last[-1].redundancy, 1):
+        return far, _NO_POINTS
+    passing = _passing(state, step)
+    return far, passing if len(passing) <= max(1, len(points) // 100) else _NO_POINTS
 
 
 def _passing(state: Adjustment, step: FloatArray) -> IntArray:

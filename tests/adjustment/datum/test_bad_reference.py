@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import mor
-from mor.solve.iterate import _as_a_whole
+from mor.solve.datum import corrections
+from mor.solve.iterate import _as_a_whole, _begin, _into_datum
 from mor.solve.normals import objective
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.trial import tried
@@ -37,3 +38,20 @@ def test_a_movement_of_the_whole_network_changes_no_observation_however_large_it
     linear = found.values["point"][used] + shift[columns[used]]
     assert np.abs(moved["point"][used] - linear).max() < 10.0
     assert np.abs(moved["point"][used] - found.values["point"][used]).max() > 5.0
+
+
+@pytest.mark.parametrize("kind", slow_after(3, ["distances", "polar", "plane directions", "images"]))
+def test_a_network_turned_far_from_its_datum_is_brought_there_at_once(kind):
+    found = mor.adjust(drawn(kind, 4, rough=1e-3).project()).solved.adjustment
+    columns, null = found.problem.index.columns["point"], found.defect.datum
+    shift = null @ np.random.default_rng(6).standard_normal(null.shape[1])
+    shift *= 60.0 / np.abs(shift[columns[columns >= 0]]).max()  # of 100 m
+    away = _as_a_whole(found, found.values, shift)
+    state = _begin(found.plan, away)
+    step = state.inverse.parts_of_step(state.normals)[0]
+    back = _as_a_whole(state, away, _into_datum(state, step)[0], exactly=True)
+    assert objective(found.plan, back) == pytest.approx(found.normals.objective, rel=1e-6)
+    there = _begin(found.plan, back)
+    missing = there.constraint.normals.T @ corrections(found.problem.datum, found.problem.index, back)
+    sizes = np.linalg.norm(there.constraint.normals, axis=0)
+    assert np.abs(missing / sizes).max() < 1e-6

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mor.model.rotations import exponential
 from mor.quality.assessment import assess
 from mor.quality.singularity import _cure, _name, english, tilt
 from mor.quality.solution import weak_directions
-from mor.solve.iterate import Outcome, adjust
+from mor.solve.iterate import Outcome, SolverSettings, adjust
 from tests.scenarios.scenes import (
     OBJECT_POINTS,
     Scene,
@@ -188,3 +189,20 @@ def test_a_point_at_infinity_is_called_a_point_with_a_direction():
     assert _name("rotation", "point 7", english) == "the direction of point 7"
     assert _name("rotation", "station 7", english) == "the rotation of station 7"
     assert _cure("rotation", "point 7", english).startswith("observe it from a second place")
+
+
+def test_without_a_solution_the_camera_is_named_before_the_points_that_move_with_it():
+    # images nearly parallel to a plane object: principal point, constant and positions are hardly determined
+    scene = Scene()
+    names = [scene.add("point", f"P{i}{j}", [1.0 * i, 1.0 * j, 0.0], free=False) for i in range(5) for j in range(4)]
+    scene.add("interior/mor", "camera", [20.0, *[0.0] * 9], free=np.array([True, True, True, *[False] * 7]))
+    for k, xy in enumerate(([1.0, 1.0], [3.0, 2.0], [2.0, 0.5])):
+        scene.add("point", f"I{k}", [*xy, 10.0])
+        scene.add("rotation", f"I{k}", exponential(np.array([1e-4 * (k + 1), -1e-4 * k, 0.0])))
+        for name in names:
+            scene.observe("image/mor", f"I{k}", f"I{k}", None, None, "camera", name, sigma=1e-3)
+    adjustment = adjust(scene.problem(np.random.default_rng(5)), scene.start(1e-6), SolverSettings(max_iterations=1))
+    assert adjustment.outcome is Outcome.NOT_CONVERGED
+    told = [[kind for kind, _, _ in direction.unknowns] for direction in weak_directions(adjustment, None)]
+    assert any("interior/mor" in kinds for kinds in told)
+    assert all(kinds == sorted(kinds, key=lambda kind: kind == "point") for kinds in told)
