@@ -775,31 +775,34 @@ def _without_misplaced(network: Network, start: Values) -> Network:
     count = len(network.blocks["point"].ids)
     in_centre, beyond_fold = np.zeros((2, count), dtype=bool)
     for group in network.groups:
-        if not is_image_point(group.type) or group.count == 0:
+        if not is_image_point(group.type) or group.type.slots[0].of != "image" or group.count == 0:
             continue
-        target, centre = group.blocks[target_slot(group.type)], start["point"][group.blocks[0]]
-        ray = start["point"][target] - centre
+        target = group.blocks[target_slot(group.type)]
+        ray = start["point"][target] - start["point"][group.blocks[0]]
+        known: BoolArray = np.asarray(np.isfinite(ray).all(axis=1))
+        ray = np.where(known[:, None], ray, 0.0)
         distance = np.linalg.norm(ray, axis=1)
-        in_centre[target[distance < _TOO_NEAR * np.median(distance)]] = True
-        beyond_fold[target[_folded(group, start, ray / np.maximum(distance, 1e-300)[:, None])]] = True
+        in_centre[target[known & (distance < _TOO_NEAR * np.median(distance))]] = True
+        beyond_fold[target[_folded(group, start, ray, distance)]] = True
     unknown = network.blocks["point"].free.all(axis=1) & ~np.isfinite(network.sigma["point"]).any(axis=1)
     network = without_points(network, np.flatnonzero(unknown & in_centre), IN_CENTRE)
     return without_points(network, np.flatnonzero(unknown & beyond_fold & ~in_centre), BEYOND_FOLD)
 
 
-def _folded(group: ObservationGroup, start: Values, ray: FloatArray) -> BoolArray:
-    """(n,) true for unit rays (n, 3) off the middle of their images, on the way to which the image turns over."""
+def _folded(group: ObservationGroup, start: Values, ray: FloatArray, distance: FloatArray) -> BoolArray:
+    """(n,) true for rays (n, 3) off the middle of their images, on the way to which the image turns over."""
     image = np.unique(group.blocks[1], return_inverse=True)[1]
-    axis = np.stack([np.bincount(image, one) for one in ray.T], axis=1)
-    axis = (axis / np.linalg.norm(axis, axis=1)[:, None])[image]
+    unit = ray / np.maximum(distance, 1e-300)[:, None]
+    middle = np.stack([np.bincount(image, one) for one in unit.T], axis=1)[image]
+    axis = middle / np.linalg.norm(middle, axis=1)[:, None]
     along = np.einsum("ni,ni->n", ray, axis)
-    off = np.linalg.norm(np.cross(ray, axis), axis=1)
+    off = np.linalg.norm(np.cross(unit, axis), axis=1)
     outside = np.flatnonzero((off > 2.0 * np.median(off)) & (along > 0.0))
-    across = (ray / along[:, None] - axis)[outside]
+    ahead = along[outside, None] * axis[outside]
     slot, turned, sides = target_slot(group.type), np.zeros(group.count, dtype=bool), []
     blocks = [start[one.kind][own[outside]] for one, own in zip(group.type.slots, group.blocks, strict=True)]
     for share in np.linspace(0.0, 1.0, 11):
-        way = axis[outside] + share * across
+        way = ahead + share * (ray[outside] - ahead)
         blocks[slot] = start["point"][group.blocks[0][outside]] + way
         by_x, by_y = np.moveaxis(group.type.equation(blocks, group.constants[outside]).jacobians[slot], 1, 0)
         sides.append(np.einsum("ni,ni->n", np.cross(by_x, by_y), way) > 0.0)

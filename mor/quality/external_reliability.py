@@ -136,7 +136,7 @@ def eliminated_points(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoi
 # ---- Solutions of the normal equations for right-hand sides that touch few points.
 
 _FEW = 20_000
-"""Eliminated points up to which their rays are gathered; a pass over all rays is quicker beyond."""
+"""Eliminated points up to which their rays are gathered; beyond that takes more memory than passes over all rays."""
 
 
 class NormalEquationSolver(NamedTuple):
