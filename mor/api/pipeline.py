@@ -382,8 +382,7 @@ def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
     problem = make_problem(network, start, start)
-    leave_out = network.project.settings.undetermined == "leave_out"
-    settings = SolverSettings(network.project.settings.max_iterations, to_infinity=True, into_centre=leave_out)
+    settings = SolverSettings(network.project.settings.max_iterations, gone=True)
     try:
         adjustment = adjust(problem, start, settings, watch)
     except NotFiniteError:

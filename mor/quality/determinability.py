@@ -839,6 +839,10 @@ def _with_far_points(
         there = _values_of(network, adjustment.values, far.points)
         if adjustment.reason == INTO_CENTRE:
             plain = without_points(plain, adjustment.gone, IN_CENTRE)
+            if not _leaves_out(network):
+                things = plain.undeterminable[-len(adjustment.gone) :]
+                named = (*reduced.undeterminable, *(thing._replace(treatment="") for thing in things))
+                return replace(reduced, undeterminable=named), attempt
             network, values, before = _with_reference(plain, start, there, doubted), there, None
             rounds += 1
             continue

@@ -158,8 +158,6 @@ def _advice(solved: Solved, words: Words) -> list[str]:
                 count=count,
             )
         ]
-    if solved.adjustment.outcome is Outcome.DIVERGED:
-        return [words("Check the start values and look for gross errors: points mixed up, wrong units, wrong signs.")]
     things = solved.network.undeterminable
     if any(not thing.treatment for thing in things):
         return [
@@ -169,6 +167,8 @@ def _advice(solved: Solved, words: Words) -> list[str]:
                 count=len(things),
             )
         ]
+    if solved.adjustment.outcome is Outcome.DIVERGED:
+        return [words("Check the start values and look for gross errors: points mixed up, wrong units, wrong signs.")]
     return []
 
 

@@ -731,10 +731,8 @@ class SolverSettings(NamedTuple):
     max_iterations: int = 50
     """Most iterations without progress; twice as many in all."""
     patience: Patience | None = None
-    to_infinity: bool = False
-    """Stop where points have moved to infinity, so that they can be directions."""
-    into_centre: bool = False
-    """Stop where points are about to pass through a camera, so that they can be left out."""
+    gone: bool = False
+    """Stop where points have moved to infinity, so that they can be directions, or are about to pass a camera."""
 
 
 def adjust(
@@ -808,13 +806,10 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
     step = regular + stride.weak
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
-    far, through = _gone(state, regular + weak)
-    for wanted, gone, reason in (
-        (settings.to_infinity, far, TO_INFINITY),
-        (settings.into_centre, through, INTO_CENTRE),
-    ):
-        if wanted and len(gone):
-            return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
+    if settings.gone:
+        for gone, reason in zip(_gone(state, regular + weak), (TO_INFINITY, INTO_CENTRE), strict=True):
+            if len(gone):
+                return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:

@@ -91,9 +91,9 @@ def test_such_points_are_left_out_where_undetermined_objects_are(
     others = _solved(tmp_path / "others", _without(data, "5"))
     monkeypatch.setattr(iterate, "_gone", gone)
     found = _solved(tmp_path / "all", data)
-    assert found.adjustment.outcome.is_solution
-    left = [(one.name, one.reason) for one in found.network.undeterminable]
-    assert left == ([("5", IN_CENTRE)] if leave_out else [])
+    assert found.adjustment.outcome.is_solution == leave_out
+    named = [(one.name, one.reason, one.treatment) for one in found.network.undeterminable]
+    assert named == [("5", IN_CENTRE, "left out" if leave_out else "")]
     if leave_out:
         expected, points = point_results(others), point_results(found)
         for name in expected:
