@@ -122,6 +122,15 @@ def test_auto_compiles_where_numpy_takes_longer_and_takes_what_is_there(process:
     assert process.compiled == 1
 
 
+def test_a_division_by_zero_is_infinite_as_in_numpy() -> None:
+    """A point at the depth 0 must not end the program."""
+
+    def ratio(a: float, b: float) -> float:
+        return a / b
+
+    assert compilation.Kernel(ratio, cache=False).in_numba(1.0, 0.0) == np.inf
+
+
 def test_another_state_of_the_sources_or_of_numba_has_a_cache_of_its_own(
     process: Process, monkeypatch: pytest.MonkeyPatch
 ) -> None:

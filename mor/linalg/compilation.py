@@ -185,7 +185,8 @@ class Kernel(Generic[Parameters, Result]):
         self.py_func = function
         self.called = False
         """True once Python, not another kernel, has called the machine code."""
-        self._options = {"cache": True, "nogil": True, "fastmath": _FAST_SUMS, **options}
+        # A division by zero is no error: what is not finite is seen in the sums, as in NumPy.
+        self._options = {"cache": True, "nogil": True, "error_model": "numpy", "fastmath": _FAST_SUMS, **options}
         update_wrapper(self, function)
         _kernels.append(self)
 
