@@ -18,7 +18,14 @@ from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import ALL, cells, fixed, in_words, paragraphs, short, table
 from mor.report.observations import check_rows, gross_errors, place, possible_causes, suspects
 from mor.report.summary import summary
-from mor.report.text_findings import emptied, first_sentence, sentences, sentences_of_things, undetermined_section
+from mor.report.text_findings import (
+    emptied,
+    first_sentence,
+    named,
+    sentences,
+    sentences_of_things,
+    undetermined_section,
+)
 from mor.report.verdict import contradictions, ill_determined, in_common, reliability_rows, verdict_rows
 from mor.solve.iterate import STANDS_STILL, Outcome
 
@@ -163,8 +170,8 @@ def _advice(solved: Solved, words: Words) -> list[str]:
         return [
             words(
                 "settings: {{undetermined: leave_out}} adjusts the rest without undetermined objects "
-                "({count:object|objects}, in undetermined.csv).",
-                count=len(things),
+                "({names}; undetermined.csv lists them).",
+                names=named(things, words),
             )
         ]
     if solved.adjustment.outcome is Outcome.DIVERGED:

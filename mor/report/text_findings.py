@@ -409,13 +409,14 @@ def sentences_of_things(things: Sequence[UndeterminedObject], words: Words = ENG
     lines = []
     if left:
         said = "{count:object is|objects are} LEFT OUT because nothing determines them: {names} (undetermined.csv)."
-        lines.append(words(said, count=len(left), names=_names(left, words)))
+        lines.append(words(said, count=len(left), names=named(left, words)))
     if far:
-        lines.append(words("At infinity, with a direction only: {names} (undetermined.csv).", names=_names(far, words)))
+        lines.append(words("At infinity, with a direction only: {names} (undetermined.csv).", names=named(far, words)))
     return lines
 
 
-def _names(things: Sequence[UndeterminedObject], words: Words) -> str:
+def named(things: Sequence[UndeterminedObject], words: Words) -> str:
+    """The first five, and how many there are more."""
     return enumerated([f"{words.listed(thing.kind)} {thing.name}" for thing in things], 5, words)
 
 
