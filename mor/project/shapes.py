@@ -55,7 +55,7 @@ _RADII = {"torus": (1.0, 2.0)}
 
 
 class Held(NamedTuple):
-    """What a shape takes from another feature, D = E D_A."""
+    """The part of a shape that another feature holds, D = E D_A."""
 
     rotation: FloatArray
     """(3, 3) D_A."""

@@ -27,7 +27,7 @@ from mor.project.network import (
 from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
-from mor.solve.iterate import A_WEAK_TURN, INTO_CENTRE, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
+from mor.solve.iterate import A_WEAK_TURN, PAST_CAMERAS, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
 from mor.types import BoolArray, FloatArray, IntArray
@@ -662,6 +662,7 @@ AT_INFINITY: Final = "at infinity"
 PARALLEL = "its rays are parallel within their precision: it has a direction but no distance"
 NARROW_ANGLE = "its rays meet at a narrow angle"
 IN_CENTRE = "it lies in the projection centre of an image"
+PASSING = "steps lead it past a camera that sees it"
 BEYOND_FOLD = "an image sees it where the distortion of its camera folds the image"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
@@ -837,8 +838,8 @@ def _with_far_points(
         if attempt.stayed_plain:
             means = means._replace(solve=means.plainly)
         there = _values_of(network, adjustment.values, far.points)
-        if adjustment.reason == INTO_CENTRE:
-            plain = without_points(plain, adjustment.gone, IN_CENTRE)
+        if adjustment.reason == PAST_CAMERAS:
+            plain = without_points(plain, adjustment.gone, PASSING)
             if not _leaves_out(network):
                 things = plain.undeterminable[-len(adjustment.gone) :]
                 named = (*reduced.undeterminable, *(thing._replace(treatment="") for thing in things))

@@ -133,7 +133,7 @@ class Sentences:
         return text
 
     def _all_known(self, sentence: Sentence, values: Mapping[str, str], depth: int) -> bool:
-        """Whether both sides of an *and*, *or*, *of* are known or single words; a colon needs one of them only."""
+        """True if both sides of an *and*, *or*, *of* are known or single words; a colon needs one of them only."""
         clauses = [value for value in values.values() if " " in value and value[0] not in "'\""]
         return not sentence.letters or all(self._said(value, depth) != value for value in clauses)
 

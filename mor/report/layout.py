@@ -236,7 +236,7 @@ def probability(value: float | None) -> str:
 
 
 def coverage_words(factor: float, freedom: float, words: Words) -> str:
-    """What an expanded uncertainty is: factor, probability and distribution; ``freedom`` of σ0, infinite a priori."""
+    """Factor, probability and distribution of an expanded uncertainty; ``freedom`` of σ0, infinite a priori."""
     from mor.quality.test_statistics import coverage_probability
 
     return words(

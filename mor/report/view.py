@@ -1,4 +1,4 @@
-"""What figures and pages show of results.json."""
+"""The part of results.json that figures and pages show."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
 RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
 STANDS_STILL = "the iteration makes no progress"
 TO_INFINITY = "points have moved to infinity"
-INTO_CENTRE = "points have moved into projection centres"
+PAST_CAMERAS = "steps lead points past cameras that see them"
 SINGULAR_MINIMUM = "at the minimum of the sum of squares, a movement of the network changes no observation"
 """Reasons of outcomes."""
 
@@ -185,7 +185,7 @@ class Adjustment(NamedTuple):
     kernels: bool = False
     """True where compiled kernels did the work, False where plain NumPy did."""
     gone: IntArray = _NO_POINTS
-    """Numbers of the point blocks that have moved to infinity, or into a projection centre: it has stopped there."""
+    """Numbers of the point blocks at which it has stopped: at infinity, or led past a camera by the next step."""
 
 
 Watcher = Callable[[Iteration], None]
@@ -234,7 +234,7 @@ _FARTHER = 10.0
 _FITS = 10.0
 """vᵀPv in terms of the redundancy up to which a step past a camera is the fault of a point, if few points are."""
 _PASSING = 5
-"""Damped iterations without a gain after which a point that a step leads through a camera is what they wait for."""
+"""Damped iterations without a gain after which they are taken to wait for points that steps lead past cameras."""
 _BEYOND = 1e3
 """Inverse distances of a point that a step takes from it, from which on the point is at infinity."""
 
@@ -807,7 +807,7 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
     if settings.gone:
-        for gone, reason in zip(_gone(state, regular + weak), (TO_INFINITY, INTO_CENTRE), strict=True):
+        for gone, reason in zip(_gone(state, regular + weak), (TO_INFINITY, PAST_CAMERAS), strict=True):
             if len(gone):
                 return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)

@@ -10,7 +10,7 @@ import pytest
 
 from mor.api.pipeline import make_problem, read_document, read_network, solve_network
 from mor.model.rotations import rotation_from_angles
-from mor.quality.determinability import BEYOND_FOLD, IN_CENTRE
+from mor.quality.determinability import BEYOND_FOLD, IN_CENTRE, PASSING
 from mor.quality.solution import Solved
 from mor.solve import iterate
 from mor.solve.normals import eliminable_rays, make_plan
@@ -93,7 +93,7 @@ def test_such_points_are_left_out_where_undetermined_objects_are(
     found = _solved(tmp_path / "all", data)
     assert found.adjustment.outcome.is_solution == leave_out
     named = [(one.name, one.reason, one.treatment) for one in found.network.undeterminable]
-    assert named == [("5", IN_CENTRE, "left out" if leave_out else "")]
+    assert named == [("5", PASSING, "left out" if leave_out else "")]
     if leave_out:
         expected, points = point_results(others), point_results(found)
         for name in expected:
