@@ -605,11 +605,13 @@ def drawn_axes(xy: str) -> dict[str, Any]:
 
 
 def library_path() -> Path | None:
-    """Return the path of plotly.js, or ``None``; in a source folder never built, that of the package plotly."""
+    """Return the path of plotly.js, or ``None``: packed, and of the package plotly in a source folder never built."""
+    packed = Path(__file__).parent / "assets" / "plotly.b64"
+    if packed.exists():
+        return packed
     spec = find_spec("plotly")
     places = spec.submodule_search_locations if spec is not None else None
-    packaged = [Path(place) / "package_data" for place in places or ()]
-    found = (folder / "plotly.min.js" for folder in (Path(__file__).parent / "assets", *packaged))
+    found = (Path(place) / "package_data" / "plotly.min.js" for place in places or ())
     return next((path for path in found if path.exists()), None)
 
 
@@ -618,4 +620,4 @@ def chart_library() -> str:
     path = library_path()
     if path is None:
         raise InputError([Message("report.html needs the Python package plotly: pip install plotly")])
-    return compressed(path.read_bytes())
+    return path.read_text("ascii") if path.suffix == ".b64" else compressed(path.read_bytes())
