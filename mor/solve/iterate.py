@@ -236,7 +236,7 @@ _FITS = 10.0
 _PASSING = 5
 """Damped iterations without a gain after which they are taken to wait for points that steps lead past cameras."""
 _BEYOND = 1e3
-"""Inverse distances of a point that a step takes from it, from which on the point is at infinity."""
+"""Inverse distances of a point that a step takes from it, from which on the point is at infinity; one if all wait."""
 
 
 def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArray]:
@@ -852,8 +852,8 @@ def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
     if not state.iterations or state.iterations[-1].objective > (1.0 + _STANDS) * now:
         return _NO_POINTS, _NO_POINTS
     points, last = state.plan.seen_points[0], state.iterations[-_PASSING:]
-    far = points[_toward_points(state.plan, state.values, step)[-1] > _BEYOND]
     waits = len(last) == _PASSING and all(one.damping for one in last) and last[0].objective <= (1.0 + _STANDS) * now
+    far = points[_toward_points(state.plan, state.values, step)[-1] > (1.0 if waits else _BEYOND)]
     if not waits or now > _FITS * max(last[-1].redundancy, 1):
         return far, _NO_POINTS
     passing = _passing(state, step)
