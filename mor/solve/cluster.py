@@ -157,6 +157,7 @@ def local(count: int) -> Iterator[ComputeCluster]:
                     n_workers=count,
                     threads_per_worker=1,
                     memory_limit=None,
+                    preload=["mor.solve.normals"],
                     dashboard_address="127.0.0.1:0",
                     worker_dashboard_address="127.0.0.1:0",
                     protocol="tls",
