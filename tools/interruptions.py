@@ -279,13 +279,17 @@ def main() -> None:
     faulty = 0
     with prepared(given.fault, given.engine or FAULTS[given.fault]) as scene:
         for number in range(given.count):
-            done = trial(scene, given.fault, random.Random(f"{given.seed} {given.fault} {number}"))
+            try:
+                done = trial(scene, given.fault, random.Random(f"{given.seed} {given.fault} {number}"))
+            except KeyboardInterrupt:  # what is done is counted
+                break
             found[done.found] += 1
             said[done.said.replace(str(scene.folder), "")] += 1
             faulty += bool(done.faults)
             for fault in done.faults:
                 print(f"trial {number}, {done.moment:.3f}, exit code {done.code}: {fault}", flush=True)
-    print(f"{given.count} × {given.fault}: {found['old']} old, {found['new']} new, {faulty} with faults")
+    counts = ", ".join(f"{found[which]} {which}" for which in ("old", "new", "neither"))
+    print(f"{sum(found.values())} × {given.fault}: {counts}, {faulty} with faults")
     for words, count in said.most_common():
         print(f"{count:4} × {words}")
     sys.exit(1 if faulty else 0)
