@@ -167,7 +167,7 @@ def trial(scene: Scene, fault: str, draw: random.Random) -> Trial:
     return Trial(moment, process.returncode, which, tuple(faults), (said.strip().splitlines() or [""])[-1])
 
 
-def _hit(process: subprocess.Popen[str], fault: str, options: Sequence[object], draw: random.Random) -> None:
+def _hit(process: subprocess.Popen[str], fault: str, options: Sequence[str], draw: random.Random) -> None:
     if fault in SIGNALS:
         process.send_signal(getattr(signal, fault))
     elif fault == "scheduler":
