@@ -8,6 +8,7 @@
     python tools/snapshot.py compare before.json.xz after.json.xz --round-off
     python tools/snapshot.py compare before.json.xz after.json.xz --bound 1e-9 '*:sigma0*=1e-12'
     python tools/snapshot.py compare before.json.xz after.json.xz --times
+    python tools/snapshot.py make workers.json.xz --engine workers
 
 ``make`` runs each input in a folder of its own and stores the exit code, the messages, and every file that the program
 writes. A snapshot also holds its inputs, so another state of the program can be run on exactly the same files
@@ -21,6 +22,10 @@ cases     tests/cases: small inputs on which the program once failed
 networks  tests/reference/networks: networks with known results
 shared    the folders of ../shared/cases, if they exist
 mutants   300 projects with random faults, made by tests/scenarios/mutations with the seed 37
+
+``--engine workers`` has two processes do all passes over 30 image points or more. ``--engine memory`` keeps all arrays
+of 100 numbers or more in files, of which nothing stays in memory. Both take eight points at a time, so that small
+projects have several shards.
 
 ``report.html`` is written for the samples only, because it takes a quarter of the time and is drawn from the same
 results. The snapshot holds its text, and a digest of the packed numbers of its pictures.
@@ -96,6 +101,14 @@ VOLATILE = (
 )
 """What is replaced in every text before two snapshots are compared: pattern, replacement, what it is.
 Paths are replaced when a run is stored (FOLDER, TREE, PYTHON); dates are fixed by the environment of the run."""
+
+SHARDS = {"mor.solve.rays": {"POINTS_AT_A_TIME": 8, "RAYS_AT_A_TIME": 64}}
+ENGINES: dict[str, dict[str, dict[str, float]]] = {
+    "threads": {},
+    "workers": {**SHARDS, "mor.solve.engine": {"WORTH_SENDING": 30}},
+    "memory": {**SHARDS, "mor.long_arrays": {"LONG": 800, "_SHARE": 0.0, "_WORTH": -1e12, "_PAUSE": 0.001}},
+}
+"""What an engine changes in modules, so that it is used for small projects."""
 
 ROUND_OFF = ["1e-6", "1e-6sigma", "1e-7column", "1e-10abs"]
 """Bounds of ``--round-off``. Two kinds of processors (OPENBLAS_CORETYPE) stay within them on all samples, with two
@@ -189,12 +202,13 @@ def make(out: Path, given: list[Input], header: dict[str, Any], settings: argpar
     }
     starters: SimpleQueue[Starter] = SimpleQueue()
     with (
+        _engine(settings.engine, settings.tree) as options,
         tempfile.TemporaryDirectory(prefix="snapshot") as place,
         ThreadPoolExecutor(max_workers=settings.jobs) as pool,
     ):
         for _ in range(min(settings.jobs, len(given))):
             starters.put(Starter(settings))
-        tasks = [pool.submit(_run, Path(place) / str(i), each, starters) for i, each in enumerate(given)]
+        tasks = [pool.submit(_run, Path(place) / str(i), each, options, starters) for i, each in enumerate(given)]
         for number, (each, task) in enumerate(zip(given, tasks, strict=True), 1):
             runs[each.name] = task.result()
             print(
@@ -211,7 +225,38 @@ def make(out: Path, given: list[Input], header: dict[str, Any], settings: argpar
     print(f"{out}: {len(runs)} runs, {seconds:.0f} CPU-s; outcomes {_counted(codes)}", file=sys.stderr)
 
 
-def _run(folder: Path, given: Input, starters: SimpleQueue[Starter]) -> dict[str, Any]:
+@contextlib.contextmanager
+def _engine(name: str, tree: Path) -> Iterator[list[str]]:
+    """Yield the options of an engine; two workers of a tree run as long."""
+    if name != "workers":
+        yield ["--memory", "8GB"] if name == "memory" else []
+        return
+    command = [sys.executable, __file__, "cluster"]
+    with subprocess.Popen(
+        command, env=_environment(tree), stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as cluster:
+        assert cluster.stdout is not None
+        yield ["--cluster", cluster.stdout.readline().strip()]
+        cluster.communicate()
+
+
+def serve_cluster() -> None:
+    """Start two workers and print the address of their scheduler; end with the standard input."""
+    import dask
+    from distributed import LocalCluster
+
+    dask.config.set({"distributed.worker.profile.enabled": False, "distributed.admin.tick.interval": "1s"})
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:  # type: ignore[no-untyped-call]
+        print(cluster.scheduler_address, flush=True)
+        sys.stdin.read()
+
+
+def _environment(tree: Path) -> dict[str, str]:
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("MOR_", "PYTHON", "LANG"))}
+    return {**kept, **ENVIRONMENT, "PYTHONPATH": str(tree)}
+
+
+def _run(folder: Path, given: Input, engine: list[str], starters: SimpleQueue[Starter]) -> dict[str, Any]:
     """Run one input in a new folder; return the record of the snapshot."""
     work = folder / "work"
     for name, content in given.files.items():
@@ -220,7 +265,8 @@ def _run(folder: Path, given: Input, starters: SimpleQueue[Starter]) -> dict[str
         path.write_bytes(content)
     starter = starters.get()
     try:
-        outcome, seconds = starter.run(work, ["adjust", given.main, "-o", OUTPUT, "--tables", "all", *given.options])
+        options = [*given.options, *engine]
+        outcome, seconds = starter.run(work, ["adjust", given.main, "-o", OUTPUT, "--tables", "all", *options])
     finally:
         starters.put(starter)
     paths = [(str(path), word) for path, word in _paths(work, starter.tree)]
@@ -255,12 +301,11 @@ class Starter:
         self.tree: Path = settings.tree
         self._command: list[str] = shlex.split(settings.mor) or [sys.executable, "-m", "mor"]
         self._limit: float = settings.limit
-        kept = {k: v for k, v in os.environ.items() if not k.startswith(("MOR_", "PYTHON", "LANG"))}
-        self._environment = {**kept, **ENVIRONMENT, "PYTHONPATH": str(settings.tree)}
+        self._environment = _environment(settings.tree)
         self._forking = None
         if not settings.mor and hasattr(os, "fork"):
             self._forking = subprocess.Popen(
-                [sys.executable, __file__, "serve"],
+                [sys.executable, __file__, "serve", settings.engine],
                 env=self._environment,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
@@ -306,14 +351,16 @@ class Starter:
             self._forking.communicate()
 
 
-def serve() -> None:
-    """Load mor, then run each command of standard input in a fork of this process; answer with outcome and time."""
+def serve(engine: str) -> None:
+    """Load mor, set an engine, and run each command of standard input in a fork; answer with outcome and time."""
     import mor
 
     for module in pkgutil.walk_packages(mor.__path__, "mor."):
         if not module.name.endswith("__main__"):
             with contextlib.suppress(ImportError):  # an optional dependency is missing
                 importlib.import_module(module.name)
+    for name, values in ENGINES[engine].items():
+        vars(importlib.import_module(name)).update(values)
     gc.freeze()
     for line in sys.stdin:
         work, arguments, limit = json.loads(line)
@@ -766,6 +813,7 @@ def main(arguments: list[str] | None = None) -> int:
     making.add_argument("--only", default="*", help="groups or patterns of runs, with commas: samples,mutants/00*")
     making.add_argument("--add", action="store_true", help="keep the other runs that the file already has")
     making.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="runs at a time")
+    making.add_argument("--engine", choices=ENGINES, default="threads", help="what does the passes over image points")
     making.add_argument("--limit", type=float, default=120.0, help="CPU seconds that a run may take")
     making.add_argument("--tree", type=Path, default=ROOT, help="folder with the state of mor to run")
     making.add_argument(
@@ -798,6 +846,8 @@ def main(arguments: list[str] | None = None) -> int:
     settings = parser.parse_args(arguments)
     patterns = settings.only.split(",")
     if settings.command == "make":
+        if settings.mor and settings.engine != "threads":
+            parser.error("--engine needs forks: leave out --mor")
         settings.tree = settings.tree.absolute()
         if settings.inputs.is_dir():
             shared = settings.with_shared or settings.inputs.resolve().parent / "shared" / "cases"
@@ -826,7 +876,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:] == ["serve"]:
-        serve()
+    if sys.argv[1:2] == ["serve"]:
+        serve(sys.argv[2])
+    elif sys.argv[1:] == ["cluster"]:
+        serve_cluster()
     else:
         sys.exit(main())

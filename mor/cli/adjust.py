@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from tempfile import gettempdir
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from mor.report.language import Words
     from mor.report.output_folder import Reservation
     from mor.report.results import Choice
+    from mor.solve.cluster import ComputeCluster
 
 
 MOST_NOTES = 3
@@ -81,19 +83,21 @@ class Asked(NamedTuple):
 
 
 @contextmanager
-def workers_of(asked: Asked) -> Iterator[None]:
-    """Within, long passes are done by the workers that were asked for. Raises :class:`InputError` if they cannot."""
+def workers_of(asked: Asked) -> Iterator[Callable[[], ComputeCluster | None]]:
+    """Yield a function that waits for the workers that were asked for; they start in another thread.
+
+    The function raises :class:`InputError` if they cannot do the work.
+    """
     if asked.workers is None and asked.cluster is None:
-        yield
+        yield lambda: None
         return
     if asked.workers is not None and asked.cluster is not None:
         raise InputError([Message("--workers and --cluster together; give either of them")])
     from mor.solve.cluster import connected, local
-    from mor.solve.engine import shared_among
 
     place = local(asked.workers) if asked.workers is not None else connected(None, asked.cluster or "")
-    with place as workers, shared_among(workers):
-        yield
+    with ExitStack() as held, ThreadPoolExecutor(1) as thread:
+        yield thread.submit(held.enter_context, place).result
 
 
 @click.command(name="adjust")
@@ -197,6 +201,7 @@ def run(asked: Asked) -> int:
     from mor.report.language import words_of
     from mor.report.output_folder import is_repeated, reserve
     from mor.report.results import usual_files, write_results
+    from mor.solve.engine import shared_among
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
     with ExitStack() as held:
@@ -206,14 +211,15 @@ def run(asked: Asked) -> int:
         say = held.enter_context(progress(asked.quiet, asked.verbose, events, words, most))
         held.enter_context(notes_told_by(say.note))
         say.phase("reading")
-        document = read_document(project, asked.source_format or "")
-        replaces = asked.force or is_repeated(folder, project, asked.told)
-        names = usual_files(asked.tables, asked.table_format)
-        place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
-        scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
-        held.enter_context(limited_memory(asked.memory, scratch))
-        with named_in_full(place), workers_of(asked):
-            solved = adjusted(document, project.parent, asked.snoop, say)
+        with workers_of(asked) as workers:
+            document = read_document(project, asked.source_format or "")
+            replaces = asked.force or is_repeated(folder, project, asked.told)
+            names = usual_files(asked.tables, asked.table_format)
+            place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
+            scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
+            held.enter_context(limited_memory(asked.memory, scratch))
+            with named_in_full(place), shared_among(workers()):
+                solved = adjusted(document, project.parent, asked.snoop, say)
         of = RunIdentity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")
         said = on_screen(asked, solved, words)

@@ -12,7 +12,7 @@ import secrets
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -28,6 +28,12 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
+_UNOBSERVED = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+}
+"""Settings of Dask for local workers. By default each process watches itself, which takes up to a tenth of a core."""
 _LOST = "the scheduler is lost, and with it the tasks"
 
 
@@ -137,24 +143,33 @@ _IDLE = {
 def local(count: int) -> Iterator[ComputeCluster]:
     """A cluster of so many processes of this machine. They and this process talk by TLS with keys of their own."""
     _check_installed("cryptography")
+    import dask
     from distributed import Client, LocalCluster
     from distributed.security import Security
 
     _silence()
     security = Security.temporary()  # type: ignore[no-untyped-call]
-    with (
-        LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=count,
-            threads_per_worker=1,
-            memory_limit=None,
-            dashboard_address="127.0.0.1:0",
-            worker_dashboard_address="127.0.0.1:0",
-            protocol="tls",
-            security=security,
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        Client(cluster, security=security, set_as_default=False) as client,  # type: ignore[no-untyped-call]
-    ):
+    with ExitStack() as held:
+        held.enter_context(dask.config.set(_UNOBSERVED))
+        try:
+            cluster = held.enter_context(
+                LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=count,
+                    threads_per_worker=1,
+                    memory_limit=None,
+                    preload=["mor.solve.normals"],
+                    dashboard_address="127.0.0.1:0",
+                    worker_dashboard_address="127.0.0.1:0",
+                    protocol="tls",
+                    security=security,
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+            connection = Client(cluster, security=security, set_as_default=False)  # type: ignore[no-untyped-call]
+            client = held.enter_context(connection)
+        except (OSError, RuntimeError) as error:  # one was killed, no room for its folder
+            reason = next(iter(str(error.__cause__ or error).splitlines()), type(error).__name__)
+            raise InputError([Message(f"the workers cannot be started: {reason}")]) from None
         yield ComputeCluster(client)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 import sys
@@ -33,6 +34,24 @@ def test_hit_at_random_moments_the_old_or_the_new_result_is_there(scene: Scene, 
     for _ in range(2):
         done = trial(scene, name, draw)
         assert not done.faults, done
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("fault", "engine"),
+    [("worker", "workers"), ("SIGKILL", "workers"), ("scheduler", "cluster"), ("disk", "threads"), ("disk", "memory")],
+)
+def test_lost_workers_and_a_full_disk_leave_the_old_or_the_new_result(fault: str, engine: str) -> None:
+    if fault == "disk" and (sys.platform != "linux" or os.geteuid() != 0):
+        pytest.skip("only root mounts a small disk")
+    if engine in ("workers", "cluster"):
+        pytest.importorskip("distributed")
+        pytest.importorskip("cryptography")
+    draw = random.Random(f"suite {fault} {engine}")
+    with prepared(fault, engine) as scene:
+        for _ in range(2):
+            done = trial(scene, fault, draw)
+            assert not done.faults, done
 
 
 def test_a_run_that_is_asked_to_end_tidies_up(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
