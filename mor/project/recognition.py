@@ -614,7 +614,8 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     cells = _cells(path, sheet)
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
-    blocks = _blocks(tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank), cells.lines)
+    named = tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank)
+    blocks = _blocks(_with_whole_angles(named), cells.lines)
     found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):
@@ -635,7 +636,7 @@ class _Block(NamedTuple):
 
 def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
-    tidy, stated = _tidied(_with_whole_angles(block.rows))
+    tidy, stated = _tidied(block.rows)
     tidy, wires = _with_whole_readings(tidy)
     tidy, packed = _without_packed_angles(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
@@ -1422,14 +1423,14 @@ def _fits(header: Sequence[str]) -> bool:
 
 
 def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
-    """Rows without titles above the header and units below it, with the station in every row, and the units."""
-    start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
-    if start is None:
+    """Rows with whole headings and without units below them, with the station in every row, and the units."""
+    if not rows or not _fits(rows[0]):
         return rows, {}
-    header, body = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :]
+    header, body = tuple(cell.strip() for cell in rows[0]), rows[1:]
     merged = _with_subheadings(header, body[0]) if body else ()
-    if merged and _fits(merged):
-        header, body, start = merged, body[1:], start + 1
+    is_merged = bool(merged) and _fits(merged)
+    if is_merged:
+        header, body = merged, body[1:]
     units = [cell.strip(" []()") for cell in body[0]] if body else []
     stated = {}
     known = [_WORDS_OF_UNITS.get(unit) or _WORDS_OF_UNITS.get(unit.lower(), "") for unit in units]
@@ -1443,7 +1444,7 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
     places = [header.index(columns[name]) for name in _STATION if name in columns]
     body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
-    if not start and not stated and not any(empty[1:]):
+    if not is_merged and not stated and not any(empty[1:]):
         return rows, {}
     filled: list[tuple[str, ...]] = []
     if any(empty) and "set" in KINDS[next(iter(_kinds(named)))][1]:
