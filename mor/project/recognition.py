@@ -1655,7 +1655,7 @@ def _with_sigmas(rows: _Cells) -> _Cells:
         cells = [signs.get(cell, cell) for cell in cells]
         axis_named = match["axis"] if match else ""
         axes = [axis for axis in "xyz" if axis in points and (axis_named or axis) in _AXES[axis]]
-        is_told = match or (signs and _NO.intersection(filter(str.isalpha, cells)))
+        is_told = match or (signs and any(cell.isalpha() and cell in _NO for cell in cells))
         if is_told and axes and _YES & set(cells) and set(cells) <= _YES | _NO:
             zeros = ["0" if cell in _YES else "" for cell in cells]
             rows = _replaced(rows, k, f"sigma_{axes[0]}", zeros)
