@@ -73,7 +73,8 @@ _SIGHT = {
 
 def _precisions(names: str) -> str:
     pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "err", "error"))
-    return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
+    both = [text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}")]
+    return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
 
 
 _IMAGE = "bildname|bildnr|image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
@@ -110,7 +111,7 @@ _BEARING = (
 _BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|kenar|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
-    "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
+    "horizontal|hz|ha|dir|direc|hcr|hcrobservation|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
     "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|horangle|har"
     "|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
@@ -156,6 +157,11 @@ _COVARIANCES = {
 }
 _VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
 
+_ENDS = {
+    "from": "from|von|fra|start|pointa|frompoint|fromstation|fromstn|desde|da|od",
+    "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
+}
+"""Names of both ends of a line, which no list of points has."""
 _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_POINT}|{_TO}")
 """Names of points with a staff, without those that may be numbers of rows or readings."""
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
@@ -216,14 +222,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r", "zenith": _ZENITH},
         {
             **_SIGHT,
-            "sigma_horizontal": f"shz|{_precisions('hz|dir|direction|horizontal')}",
-            "sigma_zenith": f"sv|{_precisions('v|zenith')}",
+            "sigma_horizontal": _precisions("hz|dir|direc|direction|horizontal"),
+            "sigma_zenith": _precisions("v|zenith"),
             "sigma": "",
         },
     ),
     "directions": (
         {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r"},
-        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}|md"},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz')}|{_STANDARD_DEVIATION}|md"},
     ),
     "angle": (
         {
@@ -327,6 +333,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
     "points": ({"id": f"id|{_POINT}|nn|station|target|p", **_POINTS}, _STATED),
+    "vector by coordinates": (
+        {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
+        {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
+    ),
+    "height_difference by heights": (
+        {**_ENDS, "dz": "height|elevation|h"},
+        {"sigma": f"{_precisions('height|elevation|h')}|{_STANDARD_DEVIATION}", "length": f"km|{_LENGTHS}"},
+    ),
     "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
     "points in the plane": (
         {"id": f"id|{_POINT}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
@@ -345,8 +359,9 @@ _KNOWN = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part in c
     name for columns in KINDS.values() for part in columns for names in part.values() for name in names.split("|")
 }
 """All names of columns."""
-_ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*)$", re.IGNORECASE)
+_ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*|;.*)$", re.IGNORECASE)
 """A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
+_WITH_UNIT = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|[\s_]in[\s_]([A-Za-zµ]+)|_([A-Za-zµ]+))")
 _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _BACKSIGHT = ("backsight", "bs")
 """Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
@@ -407,9 +422,24 @@ _HAIRS = tuple(
 """Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
 _HAIRED_NAMES = {"back": _BACK.split("|"), "fore": _FORE.split("|"), "between": _BETWEEN_READINGS.split("|")}
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
+_WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
+    word: unit
+    for unit, words in {
+        "m": "meter|meters|metre|metres|metros|metri",
+        "km": "kilometer|kilometers|kilometre|kilometres",
+        "mm": "millimeter|millimeters|millimetre|millimetres",
+        "ft": "foot|feet",
+        "deg": "degree|degrees|grados|graus|gradi",
+        "rad": "radian|radians",
+        "arcsec": "sec|secs|second|seconds",
+    }.items()
+    for word in words.split("|")
+}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
 _LONGEST_HEADING = 200
+_SHORT = 3
+"""Letters of headings such as D, M, S and sec, which say nothing without the one above them."""
 _TITLES = 20
 """Rows among which the header is looked for."""
 _STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
@@ -419,7 +449,7 @@ _EMPTY, _ZERO = re.compile(""), re.compile(r"(?:0+(?:[.,]0*)?)?")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
-_DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
+_DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
 _PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
 _DISTINCT = 12
 """Different angles that tell d.mmss: as many others have minutes and seconds below 60 once in 200 000 tables."""
@@ -442,6 +472,11 @@ _HELD = re.compile(
 """Headings of columns that say whether a point, or a coordinate of it, is fixed."""
 _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
+_LEGEND = re.compile(r"([^\W_]+)\s*[\[(=:]\s*([^\W_]+)")
+"""What signs in a column mean, as its heading says: Known[n]/Unknown[u]."""
+_ROLE = re.compile("(?:point)?(?:type|status|role|class)")
+_ROLES = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new", "p": "free"}
+"""Letters of known and new points below a heading that says no more."""
 _FACES = {"": "", "1": "1", "2": "2"} | {
     word: face
     for face, words in (
@@ -458,6 +493,8 @@ _CIRCLES = {"gon": 400.0, "deg": 360.0}
 _WAYS = tuple(product(_CIRCLES, (1, -1)))
 _AGREES = 0.5
 """Part of the misfit in the other unit or sense that angles in theirs have at most."""
+_ELSEWHERE = 0.05
+"""Part of the largest image coordinate by which two places of one point do not differ."""
 _LEVEL = 2.0
 """Degrees or gon that half of the sights rise or fall at most if their zenith angles tell the unit."""
 _REVERSED = 0.02
@@ -577,7 +614,8 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     cells = _cells(path, sheet)
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
-    blocks = _blocks(tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank), cells.lines)
+    named = tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank)
+    blocks = _blocks(_with_whole_angles(named), cells.lines)
     found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):
@@ -598,7 +636,7 @@ class _Block(NamedTuple):
 
 def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
-    tidy, stated = _tidied(_with_whole_angles(block.rows))
+    tidy, stated = _tidied(block.rows)
     tidy, wires = _with_whole_readings(tidy)
     tidy, packed = _without_packed_angles(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
@@ -721,7 +759,8 @@ def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
     kind, columns = next(iter(_kinds(_named(header)).items()), ("", {}))
     if kind == "observations by type":
         types = dict.fromkeys(_cell(row, header.index(columns["type"])) for row in body)
-        raise InputError([Message(f"unknown types of observations: {', '.join(types)}", str(path))])
+        words = f"observations of the types {', '.join(types)}: a type is unknown, or no column names the points"
+        raise InputError([Message(words, str(path))])
     if "bearing" in columns and not any(_cell(row, header.index(columns["bearing"])) for row in body):
         others = [named for named in _named(header) if named[0] != columns["bearing"]]
         kind, columns = next(iter(_kinds(others).items()), (kind, columns))
@@ -835,12 +874,24 @@ def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) 
         head = tuple(value if k == places["value"] else cell for k, cell in enumerate(header))
         left_out = (places["type"], places.get("unit"))
         keep = [k for k in range(len(header)) if k not in left_out and any(_cell(row, k) for row in rows)]
-        if _kinds(_named([head[k] for k in keep])):
-            found.append(tuple(tuple(_cell(row, k) for k in keep) for row in (head, *rows)))
+        table = _with_names_apart(tuple(tuple(_cell(row, k) for k in keep) for row in (head, *rows)))
+        if _kinds(_named(table[0])):
+            found.append(table)
         else:
             rest[name] = len(rows)
     notes = tuple(f"observations of the type {name!r} not used: {counted(n, 'row')}" for name, n in rest.items())
     return [(rows, notes) for rows in found]
+
+
+def _with_names_apart(rows: _Cells) -> _Cells:
+    """Rows with both ends, or the points of an angle, in columns of their own if one cell has them: A-B, A-P-B."""
+    for k, sign in product(range(len(rows[0])), "_-/>,"):
+        parts = [[name.strip() for name in row[k].split(sign)] for row in rows[1:]]
+        names = {2: ("from", "to"), 3: ("from", "at", "to")}.get(len(parts[0]), ())
+        header = (*rows[0][:k], *names, *rows[0][k + 1 :])
+        if names and all(len(one) == len(names) and all(one) for one in parts) and _kinds(_named(header)):
+            return (header, *((*row[:k], *one, *row[k + 1 :]) for row, one in zip(rows[1:], parts, strict=True)))
+    return rows
 
 
 def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: Sequence[str]) -> _Cells:
@@ -1242,9 +1293,10 @@ class _LevelRow(NamedTuple):
         return float(self.text("height").replace(",", "."))
 
     def has_readings(self) -> bool:
-        """Return whether the row has a reading, and no word in its place as those with checks below a book."""
+        """Return whether the row has a reading, and no word as in checks below a book: of a sum, or in its place."""
         cells = list(map(self.text, _READINGS[:3]))
         is_told = any(_WORD.search(cell) and not _DIGIT.search(cell) for cell in cells)
+        is_told |= not self.text("point") and any(_TOTAL.match(cell.strip()) for cell in self.cells)
         return not is_told and any(self.number(name) is not None for name in _READINGS[:3])
 
     def number(self, name: str) -> float | None:
@@ -1312,8 +1364,9 @@ def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[in
     used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
     again = [k for k, row in enumerate(body) if _repeats(row, header, used)]
     bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
-    # A row of headings that begins like the header is that of another table, even of one that is not known.
-    others = [k for k in bare if k not in again and (_fits(body[k]) or _begins_alike(body[k], header))]
+    # A row of headings that begins like the header is that of another table, even of one that is not known. One right
+    # below the header has subheadings.
+    others = [k for k in bare if k and k not in again and (_fits(body[k]) or _begins_alike(body[k], header))]
     if others:
         names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
         notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
@@ -1360,7 +1413,7 @@ def _columns_that_are_known(row: Sequence[str]) -> int:
 def _is_heading(row: Sequence[str]) -> bool:
     """Return whether no cell is a number, or few beside the names of the columns of a known table."""
     numbers = sum(bool(_NUMBER.fullmatch(cell.strip())) for cell in row)
-    return not numbers or (3 * numbers < sum(bool(cell.strip()) for cell in row) and _fits(row))
+    return not numbers or (3 * numbers < sum(bool(cell.strip()) for cell in row) and bool(_kinds(_named(row))))
 
 
 def _fits(header: Sequence[str]) -> bool:
@@ -1370,18 +1423,19 @@ def _fits(header: Sequence[str]) -> bool:
 
 
 def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
-    """Rows without titles above the header and units below it, with the station in every row, and the units."""
-    start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
-    if start is None:
+    """Rows with whole headings and without units below them, with the station in every row, and the units."""
+    if not rows or not _fits(rows[0]):
         return rows, {}
-    header, body = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :]
+    header, body = tuple(cell.strip() for cell in rows[0]), rows[1:]
     merged = _with_subheadings(header, body[0]) if body else ()
-    if merged and _fits(merged):
-        header, body, start = merged, body[1:], start + 1
+    is_merged = bool(merged) and _fits(merged)
+    if is_merged:
+        header, body = merged, body[1:]
     units = [cell.strip(" []()") for cell in body[0]] if body else []
     stated = {}
-    if any(units) and all(unit in _UNITS for unit in units if unit not in ("", "-")):
-        stated = {cell: unit for cell, unit in zip(header, units, strict=False) if unit in _UNITS}
+    known = [_WORDS_OF_UNITS.get(unit) or _WORDS_OF_UNITS.get(unit.lower(), "") for unit in units]
+    if any(units) and all(word for word, unit in zip(known, units, strict=True) if unit not in ("", "-")):
+        stated = {cell: unit for cell, unit in zip(header, known, strict=False) if unit}
         body = body[1:]
     named = _named(header)
     if not _kinds(named):
@@ -1390,7 +1444,7 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
     places = [header.index(columns[name]) for name in _STATION if name in columns]
     body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
-    if not start and not stated and not any(empty[1:]):
+    if not is_merged and not stated and not any(empty[1:]):
         return rows, {}
     filled: list[tuple[str, ...]] = []
     if any(empty) and "set" in KINDS[next(iter(_kinds(named)))][1]:
@@ -1444,11 +1498,14 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
     if any(_NUMBER.fullmatch(cell.strip()) for cell in below) or len(below) != len(header):
         return ()
     names, group, divided = list[str](), "", False
-    for cell, part in zip(header, below, strict=True):
+    parts = [_name_and_unit(part.strip())[0] for part in below]
+    for cell, part, name in zip(header, below, parts, strict=True):
         is_own = bool(cell) and not _PLACEHOLDER.fullmatch(cell)
         group = cell if is_own else group
         divided |= bool(part) and not is_own
-        names.append(f"{group} {part.strip()}" if part.strip() else cell)
+        # A name of its own that no other group has needs none, as the height behind the readings of a book.
+        is_alone = not is_own and name in _KNOWN and len(name) > _SHORT and parts.count(name) == 1
+        names.append((part.strip() if is_alone else f"{group} {part.strip()}") if part.strip() else cell)
     return _with_hairs(names) if divided else ()
 
 
@@ -1589,10 +1646,17 @@ def _with_sigmas(rows: _Cells) -> _Cells:
     if not points or any(name.startswith("sigma") for name in points):
         return rows
     for k, name in enumerate(names):
-        match = _HELD.fullmatch(name)
+        match, signs = _HELD.fullmatch(name), dict[str, str]()
+        if len(legend := _LEGEND.findall(header[k])) > 1:
+            signs = {_normalised(sign): _normalised(word) for word, sign in legend}
+        elif _ROLE.fullmatch(name):
+            signs = _ROLES
         cells = [_normalised(_cell(row, k)) or _cell(row, k) for row in body]
-        axes = [axis for axis in "xyz" if axis in points and match and (match["axis"] or axis) in _AXES[axis]]
-        if axes and _YES & set(cells) and set(cells) <= _YES | _NO:
+        cells = [signs.get(cell, cell) for cell in cells]
+        axis_named = match["axis"] if match else ""
+        axes = [axis for axis in "xyz" if axis in points and (axis_named or axis) in _AXES[axis]]
+        is_told = match or (signs and any(cell.isalpha() and cell in _NO for cell in cells))
+        if is_told and axes and _YES & set(cells) and set(cells) <= _YES | _NO:
             zeros = ["0" if cell in _YES else "" for cell in cells]
             rows = _replaced(rows, k, f"sigma_{axes[0]}", zeros)
             for axis in axes[1:]:
@@ -1694,12 +1758,63 @@ def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], ro
 def told_apart(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
-    A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Raises
-    :class:`InputError` for a list with both.
+    A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
+    that lack points that were measured are control. Raises :class:`InputError` for a list with both.
     """
+    tables = _with_image_points_apart(tables)
     images = {name for table in tables if table.kind == "image" for name in table.texts("image")}
-    points = {name for table in tables for place in PLACES for name in table.texts(place)}
-    return [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]
+    points = {name for table in tables for place in PLACES for name in table.texts(place) if name}
+    found = [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]
+    lists = [table for table in found if table.kind == "points"]
+    new = points.difference(*(table.texts("id") for table in lists))
+    if not new or any(table.is_control or table.has_sigma for table in lists):
+        return found
+    words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
+    return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
+
+
+def _with_image_points_apart(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables, with other names for points of a table that another table has elsewhere in the same images.
+
+    Tie points and control points are often numbered from 1 each. The table of listed points keeps their names. Raises
+    :class:`InputError` if both or neither of them has listed points only.
+    """
+    found = list(tables)
+    listed = {name for table in tables if table.kind == "points" for name in table.texts("id")}
+    for one, other in combinations([k for k, table in enumerate(tables) if table.kind == "image"], 2):
+        places, names = zip(*(_image_points(found[k]) for k in (one, other)), strict=True)
+        shared = places[0].keys() & places[1].keys()
+        if not shared:
+            continue
+        both = [(places[0][key], places[1][key]) for key in shared]
+        size = max(abs(value) for pair in both for place in pair for value in place)
+        apart = sum(max(abs(a - b) for a, b in zip(*pair, strict=True)) > _ELSEWHERE * size for pair in both)
+        if 2 * apart <= len(shared):
+            continue
+        is_control = [name <= listed for name in names]
+        image, point = min(shared)
+        first, second = (found[k].path.name for k in (one, other))
+        if is_control[0] == is_control[1]:
+            words = (
+                f"image {image}, point {point} is elsewhere than in {first}: give points of the same name that are "
+                "different points other names"
+            )
+            raise InputError([Message(words, str(found[other].path))])
+        k, kept = (one, second) if is_control[1] else (other, first)
+        table = found[k]
+        place, stem = table.header.index(table.columns["point"]), table.path.stem
+        rows = tuple((*row[:place], f"{_cell(row, place)} ({stem})", *row[place + 1 :]) for row in table.rows)
+        note = f"points named as in {kept} are elsewhere in the images and other points: called NAME ({stem})"
+        found[k] = table._replace(rows=rows, tidied=True, notes=(*table.notes, note))
+    return found
+
+
+def _image_points(table: Found) -> tuple[dict[tuple[str, str], tuple[float, float]], set[str]]:
+    """Places by image and point, and the names of the points."""
+    keys = list(zip(table.texts("image"), table.texts("point"), strict=False))
+    xs, ys = table.numbers("x"), table.numbers("y")
+    is_whole = len(keys) == len(xs) == len(ys)
+    return dict(zip(keys, zip(xs, ys, strict=False), strict=False)) if is_whole else {}, {point for _, point in keys}
 
 
 def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
@@ -1732,11 +1847,11 @@ def _cells(path: Path, sheet: str | None) -> _File:
     text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
-    numbered = [(k, ln) for k, ln in enumerate(text.split("\n"), start=1) if ln.strip() and not ln.startswith("#")]
-    lines = [line for _, line in numbered]
-    comments = [
-        line.strip().removeprefix("#") for line in takewhile(lambda line: line.startswith("#"), text.split("\n"))
+    numbered = [
+        (k, ln) for k, ln in enumerate(text.split("\n"), start=1) if ln.strip() and not ln.startswith(("#", "%"))
     ]
+    lines = [line for _, line in numbered]
+    comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
     first = lines[0] if lines else ""
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
@@ -1876,10 +1991,10 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
     """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
     if len(cell) > _LONGEST_HEADING:
         return cell, ""
-    match = re.match(r"^(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|_([A-Za-zµ]+))$", cell.strip())
+    match = _WITH_UNIT.fullmatch(cell.strip())
     if match:
-        unit = next(group for group in match.groups()[1:] if group is not None)
-        if unit in _UNITS:
+        word = next(group for group in match.groups()[1:] if group is not None)
+        if unit := _WORDS_OF_UNITS.get(word) or _WORDS_OF_UNITS.get(word.strip().lower()):
             return _normalised(match[1]), unit
     first = _normalised(_ANOTHER.sub("", cell.strip()))
     return first if first in _KNOWN and _normalised(cell) not in _KNOWN else _normalised(cell), ""
@@ -1951,7 +2066,7 @@ def begin(
     listed = {
         name for t in tables if t.kind == "points" and not t.part.startswith(_BENCHMARK) for name in t.texts("id")
     }
-    tables = [t for t in tables if not t.part.startswith(_BENCHMARK) or listed.isdisjoint(t.texts("id"))]
+    tables = [t for t in tables if t.rows and (not t.part.startswith(_BENCHMARK) or listed.isdisjoint(t.texts("id")))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
     texts: dict[Path, str] = {}

@@ -6,7 +6,7 @@ import csv
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import date, datetime, time
+from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
@@ -415,6 +415,10 @@ def _text(cell: object) -> str:
         return str(cell).lower()
     if isinstance(cell, float):
         return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else np.format_float_positional(cell, trim="-")
+    if isinstance(cell, timedelta):  # hours and minutes that are often degrees and minutes
+        minutes, seconds = divmod(round(abs(cell.total_seconds()), 6), 60.0)
+        sign = "-" if cell < timedelta() else ""
+        return f"{sign}{minutes // 60.0:.0f}:{minutes % 60.0:02.0f}:{f'{seconds:09.6f}'.rstrip('0').rstrip('.')}"
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
     return str(cell).strip()

@@ -7,6 +7,7 @@ import os
 import shutil
 import zipfile
 from collections.abc import Callable
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from mor.api.pipeline import read_document
 from mor.cli import run
 from mor.errors import InputError
 from mor.project.recognition import recognise
-from mor.project.tables import read_spreadsheet
+from mor.project.tables import _text, read_spreadsheet
 from tests.scenarios.small_projects import mor
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
@@ -697,22 +698,25 @@ def test_a_table_of_zenith_angles_gets_the_curvature(tmp_path: Path) -> None:
 
 
 def test_a_levelling_network_is_adjusted_as_it_is_begun(tmp_path: Path) -> None:
-    """Heights alone: positions are held, σ of whole millimetres are read as such, the datum is asked for in words."""
-    (tmp_path / "marks.csv").write_text("id,height\nA,100\nB,101\n")
+    """Heights alone: positions are held, σ of whole millimetres are read as such; heights of some points are known."""
     lines = ["A,B,1.001,0.8", "B,C,2.003,0.9", "C,A,-3.002,0.8", "C,D,1.5,0.8", "D,A,-4.503,1.1"]
     (tmp_path / "lines.csv").write_text("\n".join(["from,to,dh,sigma", *lines]) + "\n")
     project, tables = tmp_path / "net.yaml", [tmp_path / "marks.csv", tmp_path / "lines.csv"]
+    (tmp_path / "marks.csv").write_text("id,height\nA,100\nB,101\nC,103\nD,104.5\n")
     assert mor("new", project, *tables).code == 0
-    text = project.read_text()
-    assert text.count("fixed: [x, y]\n") == 2
-    assert "units: {sigma: mm}  # CHECK" in text
     outcome = mor("adjust", project, "--no-html")
-    assert outcome.code == 4
+    assert outcome.code == 4, "heights of all points are start values"
     assert "1 movement of the whole network open: translation Z" in outcome.err
-    project.write_text(text.replace("datum: fixed", "datum: free"))
+    (tmp_path / "marks.csv").write_text("id,height\nA,100\nB,101\n")
+    outcome = mor("new", project, *tables, "--force")
+    assert "marks.csv: taken as control: 2 points of the measurements are not in it" in outcome.err
+    text = project.read_text()
+    assert text.count("fixed: [x, y]\n") == 1
+    assert text.count("fixed: [x, y, z]  # CHECK\n") == 1
+    assert "units: {sigma: mm}  # CHECK" in text
     assert mor("adjust", project, "--no-html", "--force").code == 0
     data = json.loads((tmp_path / "net.results" / "results.json").read_text())
-    assert data["redundancy"] == 2
+    assert data["redundancy"] == 3
     assert data["sigma0"]["aposteriori"] < 3.0
 
 
@@ -905,7 +909,6 @@ def test_legs_of_a_traverse(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.csv").write_text("id,x,y\nA,0,0\n")
     project = tmp_path / "p.yaml"
     assert mor("new", project, tmp_path / "t.csv", tmp_path / "c.csv").code == 0
-    project.write_text(project.read_text().replace("file: c.csv", "file: c.csv\n    fixed: [x, y]"))
     assert mor("adjust", project, "--no-html").code == 0
     rows = pl.read_csv(tmp_path / "p.results" / "points.csv").sort("id")
     a, b = 100 / np.sqrt(2), 50 / np.sqrt(2)
@@ -915,7 +918,10 @@ def test_legs_of_a_traverse(tmp_path: Path, text: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("Line,Bearing,Distance\n7,45,100\n", "found the leg '7'"), ("type,value\nfoo,1\n", "unknown types of obs")],
+    [
+        ("Line,Bearing,Distance\n7,45,100\n", "found the leg '7'"),
+        ("type,value\nfoo,1\n", "a type is unknown, or no column"),
+    ],
 )
 def test_traverses_and_types_that_are_none(tmp_path: Path, text: str, words: str) -> None:
     (tmp_path / "t.csv").write_text(text)
@@ -1358,3 +1364,94 @@ def test_levelling_in_other_languages(tmp_path: Path, heading: str) -> None:
     (table,) = recognise(tmp_path / "t.csv")
     assert table.kind == "height_difference"
     assert (table.numbers("dz"), table.numbers("length")) == ([1.25, -0.25], [0.5, 0.7])
+
+
+@pytest.mark.parametrize(
+    ("points", "angles"),
+    [
+        (
+            "Point X[m] Y[m] Known[n]/Unknown[u]\nA 0 0 n\nB 100 0 n\nP 49 51 u\n",
+            "From At To Degrees Minutes Seconds StDev[sec]\nA P B 270 00 00 2\nB A P 315 0 0 2\n",
+        ),
+        (
+            "Point,Type,X,Y\nA,C,0,0\nB,C,100,0\nP,U,49,51\n",
+            "ID,Info,Type,Value,Std\n1,A_P_B,Angle,270 0 0,2\n2,B_A_P,Angle,315 0 0,2\n3,A_P,Dist,70.7107,0.003\n",
+        ),
+    ],
+)
+def test_known_points_by_a_legend_or_a_role_and_names_in_one_cell(tmp_path: Path, points: str, angles: str) -> None:
+    """The top of a right-angled triangle: A and B are known, P is new."""
+    (tmp_path / "points.txt").write_text(points)
+    (tmp_path / "angles.txt").write_text(angles)
+    project = tmp_path / "p.yaml"
+    assert mor("new", project, tmp_path / "points.txt", tmp_path / "angles.txt").code == 0
+    assert mor("adjust", project, "--no-html").code == 0
+    found = pl.read_csv(tmp_path / "p.results" / "points.csv", schema_overrides={"id": pl.String})
+    top = found.filter(pl.col("id") == "P").select("x", "y").row(0)
+    assert top == pytest.approx((50.0, 50.0), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "columns", "units"),
+    [
+        ("From\tTo\tHeight (Meter)\tHeight Error (Meter)\nA\tB\t1.5\t0.001\n", "height_difference", "dz", "m"),
+        (
+            "From,To,Easting (Feet),Northing (Feet),Height (Feet),Easting Error (Feet)\nA,B,5,-3,1,0.01\n",
+            "vector",
+            "dx",
+            "ft",
+        ),
+        ("From,To,Dist,Direc,Sdist,Sdirec_in_seconds\nA,B,50,210,0.002,9\n", "directions", "sigma", "arcsec"),
+        ("% readings\nFrom,To,HCR; Set-I,H. Distance\nA,B,210,50\n", "directions", "horizontal", None),
+    ],
+)
+def test_columns_as_people_name_them(tmp_path: Path, text: str, kind: str, columns: str, units: str | None) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    found = {table.kind: table for table in recognise(tmp_path / "t.csv")}
+    assert kind in found
+    assert columns in found[kind].columns
+    assert found[kind].units.get(columns) == units
+
+
+def test_readings_without_a_header_are_not_taken_for_one(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("A ANG B D 1.51\nB ANG A D 2.52\n")
+    with pytest.raises(InputError, match="expected a header"):
+        recognise(tmp_path / "t.txt")
+
+
+def test_clocks_of_spreadsheets_are_degrees_minutes_and_seconds(tmp_path: Path) -> None:
+    """201 h 27 min 5 s is shown as 201:27:05 in a sheet."""
+    assert [_text(timedelta(hours=h, minutes=27, seconds=s)) for h, s in ((201, 5), (0, 0.25), (-7, 0))] == [
+        "201:27:05",
+        "0:27:00.25",
+        "-6:33:00",
+    ]
+
+
+def test_benchmark_beside_grouped_headings_and_sums_below(tmp_path: Path) -> None:
+    """Headings that one group has alone need no name of the group; sums below are no sights."""
+    lines = [
+        "Point;Backsight;;Foresight;;;",
+        ";Staff (m);Distance (m);Staff (m);Distance (m);Reduced Level (m);Remarks",
+        "BM;1.5;20;;;100;",
+        "T;1.6;20;1.2;20;100.3;",
+        "BM;;;1.9;20;100;",
+        ";;;\u03a3BS (m);3.1;;",
+    ]
+    book = _as_spreadsheet(tmp_path / "book.csv", "\n".join(lines).replace("Staff (m)", "Middle Hair (m)"))
+    kinds = {table.kind: table for table in recognise(book)}
+    assert kinds["points"].rows == (("BM", "100"),)
+    assert [row[:3] for row in kinds["height_difference"].rows] == [("BM", "T", "0.3"), ("T", "BM", "-0.3")]
+
+
+def test_control_and_tie_points_that_are_numbered_alike(tmp_path: Path) -> None:
+    (tmp_path / "control.csv").write_text("pnt,x,y,z\n1,0,0,0\n2,5,0,0\n")
+    (tmp_path / "cp.csv").write_text("img,pnt,x,y\n1,1,-8,-9\n1,2,7,-7\n")
+    (tmp_path / "tp.csv").write_text("img,pnt,x,y\n1,1,0,0\n1,2,0,6\n1,3,4,4\n")
+    tables = [str(tmp_path / f"{name}.csv") for name in ("control", "cp", "tp")]
+    outcome = mor("new", tmp_path / "p.yaml", *tables)
+    assert "tp.csv: points named as in cp.csv are elsewhere" in outcome.err
+    assert "1,3 (tp),4,4" in (tmp_path / "p_tp.csv").read_text()
+    outcome = mor("new", tmp_path / "q.yaml", *tables[1:])
+    assert outcome.code == 2
+    assert "is elsewhere than in cp.csv" in outcome.err
