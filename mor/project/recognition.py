@@ -111,9 +111,9 @@ _BEARING = (
 _BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|kenar|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
-    "horizontal|hz|ha|dir|direc|hcr|hcrobservation|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|horangle|har"
-    "|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
+    "horizontal|hz|ha|dir|direc|hcr|hcrobservation|hdir|hangle|hzangle|horizontalangle|horizontaldirection"
+    "|horizontalcircle|direction|richtung|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung"
+    "|horizontalrichtung|horizangle|horangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
     "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
@@ -1759,9 +1759,14 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
-    that lack points that were measured are control. Raises :class:`InputError` for a list with both.
+    that lack points that were measured are control. Copies of files of one name get numbers. Raises
+    :class:`InputError` for a list with both.
     """
-    tables = _with_image_points_apart(tables)
+    tables, copies = _with_image_points_apart(tables), list[tuple[str, str, str]]()
+    for k, table in enumerate(tables):
+        copies.append((table.path.stem, table.sheet, table.part))
+        again = copies.count(copies[-1])
+        tables[k] = table._replace(part=f"{table.part}_{again}".strip("_")) if again > 1 else table
     images = {name for table in tables if table.kind == "image" for name in table.texts("image")}
     points = {name for table in tables for place in PLACES for name in table.texts(place) if name}
     found = [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]

@@ -479,6 +479,16 @@ def test_set_ups_that_were_read_twice_have_two_rows(tmp_path: Path) -> None:
     assert benchmark.rows == (("A", "10.5"),)
 
 
+def test_files_of_one_name_get_copies_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "d.csv").write_text("from,to,distance\n,,m\nA,B,10.001\nB,C,12.002\n")
+    (tmp_path / "d.txt").write_text("from\tto\tdz\n\t\tm\nA\tB\t0.5\nA\tC\t0.7\nB\tC\t0.2\n")
+    said = mor("new", tmp_path / "p.yaml", tmp_path / "d.csv", tmp_path / "d.txt").err
+    assert "p_d.csv in UTF-8" in said
+    assert "p_d_2.csv in UTF-8" in said
+    assert len((tmp_path / "p_d.csv").read_text().splitlines()) == 3
+    assert len((tmp_path / "p_d_2.csv").read_text().splitlines()) == 4
+
+
 def test_levelling_books_below_each_other(tmp_path: Path) -> None:
     """A turning point of the same name is another point, a benchmark is not; a page goes on with its last point."""
     head = "Start elevation,Point,FS,BS\n"
