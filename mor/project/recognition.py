@@ -1762,11 +1762,11 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     that lack points that were measured are control. Copies of files of one name get numbers. Raises
     :class:`InputError` for a list with both.
     """
-    tables, copies = _with_image_points_apart(tables), list[tuple[str, str, str]]()
+    tables = _with_image_points_apart(tables)
+    paths = dict.fromkeys(table.path for table in tables)
     for k, table in enumerate(tables):
-        copies.append((table.path.stem, table.sheet, table.part))
-        again = copies.count(copies[-1])
-        tables[k] = table._replace(part=f"{table.part}_{again}".strip("_")) if again > 1 else table
+        same = [path for path in paths if path.stem == table.path.stem].index(table.path)
+        tables[k] = table._replace(part=f"{table.part}_{same + 1}".strip("_")) if same else table
     images = {name for table in tables if table.kind == "image" for name in table.texts("image")}
     points = {name for table in tables for place in PLACES for name in table.texts(place) if name}
     found = [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]
