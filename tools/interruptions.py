@@ -208,7 +208,7 @@ def _names(folder: Path) -> Iterator[str]:
 
 
 def _strangers(scene: Scene) -> list[str]:
-    """What stands beside the files of the project and the results, and temporary files."""
+    """Names of files that are neither of the project nor of the results, and of temporary files."""
     temporary = {*_names(scene.folder / "tmp")} - {"dask-scratch-space"}  # two locks; Dask removes the rest itself
     return sorted({*_names(scene.folder)} - scene.inputs) + sorted(temporary)
 

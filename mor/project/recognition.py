@@ -113,8 +113,8 @@ _BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|di
 _HORIZONTAL = (
     "horizontal|hz|ha|dir|direc|hcr|hcrobservation|hdir|hangle|hzangle|horizontalangle|horizontaldirection"
     "|horizontalcircle|direction|richtung|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung"
-    "|horizontalrichtung|horizangle|horangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
-    "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
+    "|horizontalrichtung|horizangle|horangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel"
+    "|horizontalang|hzang|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
     "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
     "|kierunek|kierunekpoziomy|katpoziomy|yatayacı|yataydogrultu|dogrultu|горизонтальныиугол"

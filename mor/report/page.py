@@ -679,14 +679,15 @@ class _TemplateCache(BytecodeCache):
     """
 
     def load_bytecode(self, bucket: Bucket) -> None:
-        with suppress(OSError):
+        with suppress(OSError, RuntimeError):  # there may be no home folder
             content = self._path(bucket).read_bytes()
             if sha256(content[_DIGEST:]).digest() == content[:_DIGEST]:
                 bucket.bytecode_from_string(content[_DIGEST:])
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        content, path = bucket.bytecode_to_string(), self._path(bucket)
-        with suppress(OSError):
+        content = bucket.bytecode_to_string()
+        with suppress(OSError, RuntimeError):
+            path = self._path(bucket)
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(sha256(content).digest() + content)
 

@@ -236,7 +236,7 @@ _FITS = 10.0
 _PASSING = 5
 """Damped iterations without a gain after which they are taken to wait for points that steps lead past cameras."""
 _BEYOND = 1e3
-"""Inverse distances of a point that a step takes from it, from which on the point is at infinity; one if all wait."""
+"""Inverse distances that a step takes from a point, from which on it is at infinity; 1 where all others wait for it."""
 
 
 def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArray]:

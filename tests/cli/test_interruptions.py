@@ -104,7 +104,7 @@ def test_arithmetic_that_goes_wrong_is_an_error_and_nothing_else_is_said(
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer of the system")
 def test_an_interruption_that_c_code_drops_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As in the functions that LLVM calls while a kernel is compiled."""
+    """LLVM calls such functions while a kernel is compiled."""
     import ctypes
 
     before = signal.getsignal(signal.SIGALRM)

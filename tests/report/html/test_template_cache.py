@@ -43,6 +43,14 @@ def test_a_damaged_file_is_not_used(cache: Path, damage: Callable[[bytes], bytes
     assert file.read_bytes() == whole
 
 
+def test_a_page_needs_no_home_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home() -> Path:
+        raise RuntimeError
+
+    monkeypatch.setattr(Path, "home", no_home)
+    assert rendered()
+
+
 def test_a_page_needs_no_cache(cache: Path) -> None:
     cache.parent.mkdir(parents=True)
     cache.write_text("no folder")
