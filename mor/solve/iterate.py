@@ -517,6 +517,8 @@ class Patience(NamedTuple):
 
 AT_ABSURD_SUMS = Patience(10, 5e-2, 5e-2)
 """That of an iteration whose vᵀPv no network has: it leads to no solution, or to one with gross errors."""
+_NEAR_THE_DATUM = 1e-6
+"""Part of the extent of a network from which steps that shrink with their squares lead it into its datum."""
 ABSURD = 1e4
 """vᵀPv in terms of the redundancy that is absurd: all residuals are a hundred times their σ."""
 _EPS = float(np.finfo(float).eps)
@@ -810,16 +812,18 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
         for gone, reason in zip(_gone(state, regular + weak), (TO_INFINITY, PAST_CAMERAS), strict=True):
             if len(gone):
                 return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
-    over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
+    ended = is_over(state, change, state.inverse.weak)
+    over = ended and is_in_datum(state, step, shift, gain, change)
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
         return _converged(_last_step(state, step + shift, iteration))
     taken = None if over else _with_curvature(state, change)  # steps of round-off tell no curvature
-    if not over and _swings(state, change):
+    if not over and _swings(state, shift, change):
         taken = Taken(_as_a_whole(state, moved_by(state.plan, state.values, step), shift, exactly=True), 0.0, 1.0)
-        over = True
     if taken is None:
         taken = accept(state, regular, stride.weak, shift, change)
+    if ended and not over and (taken is None or taken.share < 1.0):  # the sum of squares is round-off here
+        taken = Taken(_as_a_whole(state, state.values, shift), 0.0, 1.0)
     if taken is None and change <= AT_THE_LAST_DIGIT:
         return _converged(_at_minimum(state._replace(iterations=(*state.iterations, iteration))))
     if taken is None:
@@ -833,14 +837,17 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
         damping=taken.next_damping or state.damping,
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
-    return _converged(moved) if over and taken.share == 1.0 else moved
+    return _converged(moved) if over else moved
 
 
-def _swings(state: Adjustment, change: float) -> bool:
-    """True where only the datum is missed after steps that are nothing: the way into it bends too much."""
+def _swings(state: Adjustment, shift: FloatArray, change: float) -> bool:
+    """True where the datum alone is missed, by far, after steps that are nothing: the way into it bends too much."""
     last = state.iterations[-3:]
     bends = state.problem.datum.movements is None and state.problem.datum.mask.get("point") is not None
-    return bends and len(last) == 3 and max(change, *(one.largest_change for one in last)) <= ACCURACY
+    if not bends or len(last) < 3 or max(change, *(one.largest_change for one in last)) > ACCURACY:
+        return False
+    size = float(np.ptp(state.values["point"], axis=0).max())
+    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > _NEAR_THE_DATUM * size
 
 
 def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
