@@ -1759,7 +1759,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
-    that lack points that were measured are control. Copies of files of one name get numbers. Raises
+    of heights alone that lack points that were measured are control. Copies of files of one name get numbers. Raises
     :class:`InputError` for a list with both.
     """
     tables = _with_image_points_apart(tables)
@@ -1772,7 +1772,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     found = [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]
     lists = [table for table in found if table.kind == "points"]
     new = points.difference(*(table.texts("id") for table in lists))
-    if not new or any(table.is_control or table.has_sigma for table in lists):
+    if not new or any(table.is_control or table.has_sigma or "x" in table.columns for table in lists):
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
     return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
