@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ from mor.solve.clique_kernels import VANISHING, Pattern
 from mor.solve.problem import Problem, rotation_tangents
 from mor.solve.product_kernels import ImageRays, ReducedSystemArrays
 from mor.solve.ray_kernels import ALONG, MOVING, FrameChange, FrameValues, RayMeasurements
-from mor.solve.rays import Chunk, GroupFrames, RayPlan, frame_change, frame_values, pieces
+from mor.solve.rays import Chunk, GroupFrames, RayPlan, frame_change, frame_values
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
 # ---- Rays: two whitened observations each, from a frame to a point, linearised.
@@ -578,7 +577,7 @@ def _refuse_unless(stored: bool) -> None:
 
 
 class RayChunk(NamedTuple):
-    """A chunk or a piece of one, linearised."""
+    """A chunk, linearised."""
 
     points: slice
     """Its eliminated points."""
@@ -611,18 +610,14 @@ class _LinearisationPoint:
 
 
 def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Values) -> Iterator[RayChunk]:
-    """All chunks in pieces, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
+    """All chunks, linearised at the values; ``reduced`` (u,) numbers the unknowns of the reduced system.
 
-    The arrays of a piece are overwritten by the next one: fresh memory costs a tenth of the whole pass.
+    The arrays of a chunk are overwritten by the next one: fresh memory costs a tenth of the whole pass.
     """
     place = _LinearisationPoint(problem, plan, values)
-    columns = _reduced_columns(plan, reduced)
-    parts = [tuple(pieces(chunk, plan.pointers)) for chunk in plan.chunks]
-    work = _workspace(plan, list(chain(*parts)))
-    for chunk, divided in zip(plan.chunks, parts, strict=True):
-        of_frames = columns[chunk.frames]
-        for piece in divided:
-            yield _ray_chunk(place, piece, of_frames, work)
+    columns, work = _reduced_columns(plan, reduced), _workspace(plan)
+    for chunk in plan.chunks:
+        yield _ray_chunk(place, chunk, columns[chunk.frames], work)
 
 
 class EliminatedChunk(NamedTuple):
@@ -647,7 +642,7 @@ def eliminate_chunks(
         if _all_compiled(place, chunk):
             noted, squares = accumulate_images(of_frames, _image_rays(place, chunk), system, damping)
         else:
-            work = work or _workspace(plan, plan.chunks)
+            work = work or _workspace(plan)
             linearised = _ray_chunk(place, chunk, of_frames, work).rays
             noted = accumulate(linearised, system, damping)
             squares = float(np.vdot(linearised.residual, linearised.residual))
@@ -670,7 +665,7 @@ def point_steps(
             )
             product_kernels.solve_image_points(rays, rays.paths, change, damping, steps)
         else:
-            work = work or _workspace(plan, plan.chunks)
+            work = work or _workspace(plan)
             linearised = _ray_chunk(place, chunk, plan.frames.columns[chunk.frames], work).rays
             steps = back_substitute(linearised, step, damping)
         yield chunk.points, steps
@@ -709,9 +704,9 @@ def _reduced_columns(plan: RayPlan, reduced: IntArray) -> IntArray:
     return np.where(columns >= 0, reduced[columns], -1) if columns.size else columns
 
 
-def _workspace(plan: RayPlan, chunks: Sequence[Chunk]) -> _Work:
+def _workspace(plan: RayPlan) -> _Work:
     """Room for the residuals and Jacobians of the largest of the chunks."""
-    n = max((chunk.rays.stop - chunk.rays.start for chunk in chunks), default=0)
+    n = max((chunk.rays.stop - chunk.rays.start for chunk in plan.chunks), default=0)
     return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
 
 

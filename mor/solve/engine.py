@@ -29,7 +29,6 @@ from mor.solve.rays import RayPlan
 
 Found = TypeVar("Found")
 
-MOST_LANES = 4
 NUMBERS_OF_ALL_LANES = 30_000_000
 """Room (240 MB) for the reduced systems that the lanes add up each for itself."""
 WORTH_SENDING = 20_000
@@ -92,7 +91,8 @@ def in_lanes(shared: Shared, numbers: int, task: Task[Found], *arguments: Any, p
         put: takes what the task hands over, and may write it to arrays at places that are the chunk's own.
     """
     chunks, workers = shared.rays.chunks, _workers.get()
-    count = max(min(MOST_LANES, len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1)), 1)
+    room = min(len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1))
+    count = 4 if room >= 4 else 2 if room >= 2 else 1  # three would leave one of two processors without work
     bounds = [len(chunks) * k // count for k in range(count + 1)]
     lanes = [(bounds[k], bounds[k + 1]) for k in range(count)]
     if workers is not None and len(shared.rays.row) >= WORTH_SENDING:

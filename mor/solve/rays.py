@@ -517,10 +517,8 @@ def _interior_kind(group: ObservationGroup) -> str:
 
 # ---- The rays of the eliminated points, sorted by point and cut into chunks: worked out once.
 
-POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
-"""Points and rays of a chunk at most, so many that they share blocks."""
-POINTS_OF_A_PIECE = 2048
-"""Points of a piece of a chunk, so few that the Jacobians of their rays stay near."""
+POINTS_AT_A_TIME, RAYS_AT_A_TIME = 2048, 262_144
+"""Points and rays of a chunk at most, so few that the Jacobians of their rays stay near."""
 
 VERY_MANY_RAYS = 4_000_000
 """Rays beyond which their measurements are not kept twice, for which an iteration takes 2 % longer."""
@@ -533,13 +531,6 @@ class Chunk(NamedTuple):
     rays: slice
     frames: IntArray
     """Frames of its rays, which name them by their place in this list."""
-
-
-def pieces(chunk: Chunk, pointers: IntArray) -> Iterator[Chunk]:
-    """The points of a chunk, with their rays, a few at a time; the pieces share its list of frames."""
-    for first in range(chunk.points.start, chunk.points.stop, POINTS_OF_A_PIECE):
-        last = min(first + POINTS_OF_A_PIECE, chunk.points.stop)
-        yield Chunk(slice(first, last), slice(int(pointers[first]), int(pointers[last])), chunk.frames)
 
 
 class Measurements(NamedTuple):
