@@ -518,6 +518,8 @@ def without_suspects(
 def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
+    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > _HOPELESS:
+        return from_far()._replace(robust=found.values)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
     if not any(is_image_point(group.type) for group in plain.problem.groups):
@@ -532,6 +534,10 @@ def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     if second is None or (converged and _left_out_count(second) >= _left_out_count(first)):
         return first
     return second._replace(robust=other.values)
+
+
+_HOPELESS = 1e4
+"""Robust σ0 in terms of that a priori above which not even half of the observations fit, whatever is left out."""
 
 
 def _left_out_count(attempt: Attempt) -> int:

@@ -187,6 +187,32 @@ def _half_formats(network: Network) -> FloatArray:
     return half
 
 
+def beyond_a_field_of_view(network: Network) -> Iterator[Message]:
+    """Cameras half of whose image points are more than 71° from the axis, or less than 0.06°, with the first row."""
+    for group in rays(network):
+        slot = next((k for k, slot in enumerate(group.type.slots) if slot.part == "interior"), None)
+        if slot is None:
+            continue
+        blocks = group.blocks[slot]
+        with np.errstate(all="ignore"):
+            constant = np.abs(network.start[group.type.slots[slot].kind][blocks, 0])
+            ratio = np.linalg.norm(group.observed, axis=1) / constant
+        for block in np.unique(blocks).tolist():
+            own = np.flatnonzero((blocks == block) & np.isfinite(ratio))
+            usual = float(np.median(ratio[own])) if len(own) >= _AT_LEAST else 1.0
+            if not _NARROWEST < usual < _WIDEST:
+                words = (
+                    f"image: the points of a camera are, in the median, {usual:.3g} times the camera constant from the "
+                    "origin; check their unit"
+                )
+                yield group.message(int(own[0]), words)
+
+
+_NARROWEST, _WIDEST = 1e-3, 3.0
+"""Median distances of image points from the origin, in camera constants, that no camera has: a telescope of 10 m with
+an image of 60 mm has 2e-3, a fisheye with a full sphere 2."""
+
+
 def measured_twice(network: Network) -> Iterator[Message]:
     """Points that an image has twice in one table: the second row, and where the first one stands."""
     for group in rays(network):
@@ -905,6 +931,7 @@ _LOOKS = (
     repeated_rows,
     implausible_sigmas,
     beyond_a_circle,
+    beyond_a_field_of_view,
     implausible_heights,
     vertical_convention,
     steps_from_given_coordinates,

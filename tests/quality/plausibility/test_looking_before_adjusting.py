@@ -55,6 +55,7 @@ def test_nothing_is_said_of_a_sample(name: str) -> None:
         "the height is",
         "are they",
         "start pose shows",
+        "the camera constant",
     )
     assert [note for note in notes_of(SAMPLES / name / "project.yaml") if any(w in note for w in words)] == []
 
@@ -89,6 +90,16 @@ def test_a_sigma_in_another_unit(changed) -> None:  # type: ignore[no-untyped-de
     project.write_text(text.replace("sigma_zenith: 0.5 mgon", "sigma_zenith: 50 gon"), encoding="utf-8")
     (note,) = notes_of(project)
     assert "directions.csv:2: zenith_directions, zenith: the standard deviation is larger" in note
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e-3])
+def test_image_coordinates_in_another_unit(changed, factor: float) -> None:  # type: ignore[no-untyped-def]
+    def scale(rows: Rows) -> None:
+        for row in rows:
+            row.update({key: repr(factor * float(row[key])) for key in ("x", "y")})
+
+    notes = notes_of(changed("test_field", "image_points.csv", scale))
+    assert sum("times the camera constant from the origin; check their unit" in note for note in notes) == 1
 
 
 def test_an_image_turned_away_from_all_of_its_points(changed) -> None:  # type: ignore[no-untyped-def]
