@@ -213,6 +213,19 @@ def test_a_levelled_frame_far_from_the_centre(tmp_path: Path, origin: str) -> No
     np.testing.assert_allclose(place, [3010.0, 2000.0, 5.0], atol=3e-5)
 
 
+def test_a_point_with_a_height_alone_is_named_so(tmp_path: Path) -> None:
+    """B has a height from A; in a projection a point needs a place in plan, too, and that is the reason told."""
+    path = write(tmp_path)
+    path.write_text(COMP.replace('"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'))
+    (tmp_path / "n.cor").write_text("1 A 700000 6600000 100 0 0 0\n")
+    (tmp_path / "sub" / "n.obs").write_text("19 A @b.bas\n4 A B 2.0 0.001\n")
+    (tmp_path / "sub" / "b.bas").write_text("C 10 20 30 1e-6 0 0 1e-6 0 1e-6\n")
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "undetermined.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["id"], row["reason"]) == ("B", "height differences tell its height, and nothing its position in plan")
+
+
 def test_a_project_in_a_projection(tmp_path: Path) -> None:
     """Baselines in geocentric axes, deflections of the vertical; coordinates by pyproj."""
     geocentric = Transformer.from_crs("EPSG:4965", "EPSG:4964", always_xy=True)
