@@ -207,8 +207,8 @@ def _without_idle_images(whole: _Project) -> None:
         frame = whole.frames.get(str(table.get("file")))
         cells = (str(cell) for row in table.get("rows") or () for cell in row if cell is not None)
         used |= {cell.removeprefix("image ") for cell in cells}
-        for name in () if frame is None else frame.columns:
-            used |= set(frame[name].cast(pl.String).drop_nulls().to_list()) if name == "image" else set()
+        if frame is not None and "image" in frame.columns:
+            used |= set(frame["image"].cast(pl.String).drop_nulls().to_list())
     entries = _image_entries(whole)
     idle = entries.keys() - used
     if not idle or len(idle) == len(entries):

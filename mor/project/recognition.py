@@ -1916,7 +1916,7 @@ def _check_width(path: Path, line: int, header: tuple[str, ...], body: _Cells, u
         return
     last = [_cell(row, longest - 1) for row in body if len(row) >= longest]
     ends = names[longest - 1] not in used or all(_NUMBER.fullmatch(cell.replace(",", ".")) for cell in last)
-    if not ends or not used.isdisjoint(names[longest:]):
+    if not ends or any(name in used for name in names[longest:]):
         words = (
             f"the header has {len(names)} names and no row more than {longest} values between blanks; separate the "
             "columns by commas or tabs, or write names without blanks"

@@ -667,7 +667,7 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
     found: dict[tuple[str, str], UndeterminedObject] = {}
     contradicted = _contradicted(network, start)
     for kind, values in start.items():
-        lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        lost = np.asarray(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
         if not lost.any():
             continue
         rows = _rows_of(network, kind)
