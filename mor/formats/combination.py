@@ -46,12 +46,14 @@ def combined(documents: Sequence[Document]) -> Document:
 
     Of a point that several files have the one that is held or observed stays, of equal ones the later; positions of
     images that a later file gives are taken over. Coordinates of files without control are in systems of their own:
-    they are left out, those of the first file only where another one has control. Raises :class:`InputError` if
-    axes differ or two cameras share a name.
+    they are left out, those of the first file only where another one has control. Images and cameras that two files
+    describe alike are the same. Raises :class:`InputError` if axes differ or different cameras share a name.
     """
     whole, *others = (_opened(document) for document in _once(documents))
     for other in others:
         _add(whole, other)
+    if others:
+        _without_idle_images(whole)
     if whole.problems:
         raise InputError(whole.problems)
     notes = tuple(whole.notes)
@@ -94,8 +96,8 @@ def _add(whole: _Project, other: _Project) -> None:
         if datum is not None and (not whole.tables("points") or (own and _lacks_height(own, other))):
             whole.data.setdefault("datum", datum)
     cameras, more = (project.data.get("cameras") or {} for project in (whole, other))
-    for name in sorted(set(cameras) & set(more)):
-        words = f"camera {name!r} is in {whole.file}, too"
+    for name in sorted(name for name in set(cameras) & set(more) if cameras[name] != more[name]):
+        words = f"camera {name!r} is in {whole.file}, too, with other values"
         whole.problems.append(Message(words, other.file, other.lines.get(("cameras", name), 0)))
     if more:
         whole.data["cameras"] = {**cameras, **more}
@@ -109,6 +111,7 @@ def _add(whole: _Project, other: _Project) -> None:
     if settings:
         whole.data["settings"] = settings
     _take_positions(whole, other)
+    _images_once(whole, other)
     _say_once(whole, other)
     for section in _SECTIONS:
         _append(whole, section, other)
@@ -181,6 +184,53 @@ def _say_once(whole: _Project, other: _Project) -> None:
         said = sum(max(first[name], second[name]) > 0 for name in names)
         if said:
             other.note(f"{counted(said, 'point')} in {whole.file}, too: taken from {taken.file}")
+
+
+def _images_once(whole: _Project, other: _Project) -> None:
+    """Keep one entry of each image that both files have with the same camera: the one that says more."""
+    first, second = _image_entries(whole), _image_entries(other)
+    both = {name for name in first.keys() & second.keys() if first[name][0] == second[name][0]}
+    later = {name for name in both if second[name][1] > first[name][1]}
+    for project, names in ((whole, later), (other, both - later)):
+        for number, table in enumerate(project.tables("images")):
+            kept = [k for k, name in enumerate(_ids(table)) if name not in names or "camera" not in table["columns"]]
+            _keep_rows(project, ("images", number), table, kept)
+        _drop_empty(project, "images")
+    if both:
+        other.note(f"{counted(len(both), 'image')} in {whole.file}, too: the fuller entry is taken")
+
+
+def _without_idle_images(whole: _Project) -> None:
+    """Drop images of which nothing is measured, as files of cameras list them, if others are measured."""
+    used: set[str] = set()
+    for table in (*whole.tables("observations"), *whole.tables("pairs")):
+        frame = whole.frames.get(str(table.get("file")))
+        cells = (str(cell) for row in table.get("rows") or () for cell in row if cell is not None)
+        used |= {cell.removeprefix("image ") for cell in cells}
+        if frame is not None and "image" in frame.columns:
+            used |= set(frame["image"].cast(pl.String).drop_nulls().to_list())
+    entries = _image_entries(whole)
+    idle = entries.keys() - used
+    if not idle or len(idle) == len(entries):
+        return
+    for number, table in enumerate(whole.tables("images")):
+        kept = [k for k, name in enumerate(_ids(table)) if name not in idle]
+        _keep_rows(whole, ("images", number), table, kept)
+    _drop_empty(whole, "images")
+    seeing = {camera for name, (camera, _) in entries.items() if name in used}
+    whole.data["cameras"] = {name: one for name, one in whole.data.get("cameras", {}).items() if name in seeing}
+    whole.note(f"{counted(len(idle), 'image')} in which nothing is measured: not read")
+
+
+def _image_entries(project: _Project) -> dict[str, tuple[str, int]]:
+    """Camera of each image that has one, and how many cells its row fills."""
+    found = {}
+    for table in project.tables("images"):
+        if "camera" in table["columns"]:
+            at = table["columns"].index("camera")
+            for name, row in zip(_ids(table), table["rows"], strict=True):
+                found[name] = (str(row[at]), sum(cell not in (None, "") for cell in row))
+    return found
 
 
 def _regroup_heights(whole: _Project, other: _Project) -> None:

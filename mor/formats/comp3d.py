@@ -27,9 +27,9 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import hypot, pi
+from math import hypot, pi, radians
 from pathlib import Path
 from typing import NamedTuple
 
@@ -37,6 +37,7 @@ import numpy as np
 
 from mor.errors import InputError, Message, counted
 from mor.formats.draft import Draft, Row, parse_number, read_lines
+from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
 from mor.project.document import Document
 from mor.types import FloatArray
 
@@ -152,6 +153,9 @@ class _Reader:
     """East, north and height of the centre of the local frame, empty if unknown."""
     frames: list[_Frame] = field(default_factory=list)
     skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+    radius: float = EARTH_RADIUS
+    sphere: LocalSphere | None = None
+    """Of a project without a projection."""
 
     def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
         # Levels of files in files.
@@ -172,6 +176,8 @@ class _Reader:
         self.refraction = parse_number(found.get("refraction", repr(_REFRACTION)))
         words = found.get("local_center", "[]").strip("[]").split(",")
         self.centre = [parse_number(word) for word in words if word.strip()]
+        if "center_latitude" in found:
+            self.radius = gaussian_radius(radians(parse_number(found["center_latitude"])))
 
     def leave_out(self, what: str, line: int, file: str) -> None:
         self.skipped.setdefault(what, []).append((line, file))
@@ -252,12 +258,25 @@ class _Reader:
         """The sphere of the local frame: plan coordinates are those of its level 0 about the centre of the project."""
         centre = self.centre
         if len(centre) < 2:
-            places = [point.place for point in self.points.values()] or [[0.0, 0.0, 0.0]]
-            centre = [sum(place[k] for place in places) / len(places) for k in range(2)]
+            centre = self._mean_place(self.points)
             self.draft.note("no .comp file says the centre of the local frame: the mean of the points is taken")
         origin = {"x": repr(centre[0]), "y": repr(centre[1]), "z": "0"}
         latitude = settings.get("center_latitude")
+        self.sphere = LocalSphere(self.radius, (centre[0], centre[1], 0.0))
         return {**({"latitude": f"{latitude} deg"} if latitude else {}), "origin": origin}
+
+    def _mean_place(self, names: Iterable[str]) -> list[float]:
+        """The mean coordinates of points; 0, 0, 0 if none of them has coordinates."""
+        places = [self.points[name].place for name in names if name in self.points] or [[0.0] * 3]
+        return [sum(place[k] for place in places) / len(places) for k in range(3)]
+
+    def _level_attitude(self, origin: str, targets: Sequence[str]) -> list[float]:
+        """ω and φ (gon) of a levelled frame: its third axis is the vertical of its origin, not that of the centre."""
+        place = self._mean_place([origin] if origin in self.points else targets)
+        if self.sphere is None:
+            return [0.0, 0.0]
+        x, y, z = self.sphere.local_axes(np.array([place]))[0, 2]
+        return [float(angle) * 200.0 / pi for angle in (np.arctan2(-y, z), np.arcsin(x))]
 
     def _tables(self, projected: bool) -> dict[str, list[Row]]:
         """Rows of observations by type; the stations of directions are their points."""
@@ -324,12 +343,15 @@ class _Reader:
             counts[frame.origin] += 1
             name = f"{frame.origin}@{counts[frame.origin]}"
             key = (frame.code, frame.levelled, frame.file)
-            attitude: list[str | float | None] = [1.0, 0.0, 0.0] if frame.levelled else [1.0]
-            cells = [name, frame.origin, *(attitude if frame.code == 11 else [])]
+            lines = list(_words(frame.path, draft))
+            cells: list[str | float | None] = [name, frame.origin]
+            if frame.code == 11:
+                targets = [words[0] for _, words in lines]
+                cells += [1.0, *(self._level_attitude(frame.origin, targets) if frame.levelled else [])]
             if frame.code != 19:
                 frames.setdefault(key, []).append(_row(cells, frame.line))
             names.add(frame.origin)
-            for line, (point, *rest) in _words(frame.path, draft):
+            for line, (point, *rest) in lines:
                 if point in self.ignored:
                     self.leave_out("observations of points that are ignored", line, str(frame.path))
                     continue

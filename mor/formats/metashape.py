@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from mor.formats.draft import (
 from mor.formats.recognition import TiePoints, is_project, project_tree, put_tie_points, read_tie_points
 from mor.input_files import PROJECT, read_bytes
 from mor.model.earth import east_north_up as horizon_axes
-from mor.model.rotations import angles_from_rotation, exponential, rotation_from_angles
+from mor.model.rotations import angles_by_tangent, angles_from_rotation, exponential, rotation_from_angles
 from mor.project.axes import image_scale, split
 from mor.project.document import Document
 from mor.project.schema import Camera, Value
@@ -134,6 +134,8 @@ def _estimated(calibration: Element | None, values: dict[str, float]) -> tuple[s
 
 SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
 """σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
+COS_PHI = 0.01
+"""Images that look along the x axis more closely than 0.6° have no ω and κ that can be observed."""
 
 
 @dataclass
@@ -415,6 +417,7 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     True if positions of three or more images are observed.
     """
     known = _positions(chunk, found.origin, draft)
+    turned = _attitudes(chunk, known, draft)
     found.there = there = _to_project(chunk, found.origin)
     if there is None and (control or known):
         found.there = there = _to_references(chunk, found, known, draft)
@@ -441,7 +444,8 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
         name = name if name not in found.cameras.values() else f"{name} ({number_})"
         found.cameras[number_] = name
         pose = [None, None, None, *_attitude(camera)] if other else _pose(there, camera, name)
-        rows.append(Row([name, sensor, *_observed(pose, known.get(number_))], camera.line))
+        place, turn = _observed(pose[:3], known.get(number_)), _observed(pose[3:], turned.get(number_))
+        rows.append(Row([name, sensor, *place[:3], *turn[:3], *place[3:], *turn[3:]], camera.line))
     used = {str(row.cells[1]) for row in rows}
     idle = [name for name in draft.data["cameras"] if name not in used]
     if rows and idle:
@@ -453,10 +457,9 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     if other:
         draft.note("poses are geocentric, references are not: the poses are not read", chunk.line)
     if rows:
-        axes = ("x", "y", "z")
-        columns = ("id", "camera", *axes, "omega", "phi", "kappa")
-        more = (*(f"sigma_{axis}" for axis in axes), *(f"start_{axis}" for axis in axes))
-        draft.table("images", (*columns, *more), rows)
+        axes, angles = ("x", "y", "z"), ("omega", "phi", "kappa")
+        more = [f"{what}{name}" for names in (axes, angles) for what in ("sigma_", "start_") for name in names]
+        draft.table("images", ("id", "camera", *axes, *angles, *more), rows)
     return sum(row.cells[8] is not None for row in rows) >= 3
 
 
@@ -476,13 +479,46 @@ def _pose(there: tuple[FloatArray, FloatArray, float] | None, camera: Element, n
 def _attitude(camera: Element) -> list[str | None]:
     """ω, φ, κ as start values, of yaw (clockwise from y), pitch (0 looks down, 90 ahead) and roll in degrees."""
     for given in camera.all("reference"):
-        words = [given.attributes.get(name) for name in ("yaw", "pitch", "roll")]
-        if None not in words:
-            yaw, pitch, roll = (np.radians(parse_number(str(word))) for word in words)
-            turns = ([0.0, 0.0, -yaw], [pitch, 0.0, 0.0], [0.0, roll, 0.0])
-            to_object = np.linalg.multi_dot([exponential(np.array(turn)) for turn in turns])
-            return [repr(float(v)) for v in angles_from_rotation(to_object.T)]
+        if (angles := _reference_angles(given)) is not None:
+            return [repr(float(v)) for v in angles]
     return [None] * 3
+
+
+def _reference_angles(given: Element) -> FloatArray | None:
+    words = [given.attributes.get(name) for name in ("yaw", "pitch", "roll")]
+    if None in words:
+        return None
+    yaw, pitch, roll = (np.radians(parse_number(str(word))) for word in words)
+    turns = ([0.0, 0.0, -yaw], [pitch, 0.0, 0.0], [0.0, roll, 0.0])
+    return angles_from_rotation(np.linalg.multi_dot([exponential(np.array(turn)) for turn in turns]).T)
+
+
+def _attitudes(
+    chunk: Element, known: Collection[str], draft: Draft
+) -> dict[str, tuple[list[str | None], list[str | None]]]:
+    """Observed ω, φ, κ with their σ, by the numbers of the cameras, if the settings say how accurate they are.
+
+    The accuracy is that of a rotation about any axis, so σ of ω and κ grow with 1/cos φ; their correlation −sin φ is
+    not kept. Only for images with an observed position in a local system: elsewhere yaw may refer to another north.
+    """
+    found: dict[str, tuple[list[str | None], list[str | None]]] = {}
+    sigma = np.radians(float(_accuracy(chunk, "accuracy_cameras_ypr", 0.0)))
+    if not sigma or _system(chunk, "camera") != "local":
+        return found
+    for camera in _section(chunk, "cameras", "camera"):
+        for given in camera.all("reference"):
+            angles = _reference_angles(given)
+            enabled = given.attributes.get("rotation_enabled", given.attributes.get("enabled", "true"))
+            number = camera.attributes.get("id", "")
+            if angles is None or number not in known or enabled not in ("true", "1") or np.cos(angles[1]) < COS_PHI:
+                continue
+            J = angles_by_tangent(angles)
+            sigmas = sigma * np.sqrt((J**2).sum(axis=1))
+            found[number] = ([repr(float(v)) for v in angles], [repr(float(v)) for v in sigmas])
+    if found:
+        words = f"attitudes of {counted(len(found), 'image')} are observed, σ = {np.degrees(sigma):g}° as the file says"
+        draft.note(words, chunk.line)
+    return found
 
 
 def _positions(
@@ -505,11 +541,11 @@ def _positions(
 
 
 def _observed(pose: list[str | None], known: tuple[list[str | None], list[str | None]] | None) -> list[str | None]:
-    """Pose, σ and start values of the position: observed where it is known, starting where the transform has it."""
+    """Position or angles, σ and start values: observed if they are known, starting where the transform has them."""
     if known is None:
         return [*pose, *[None] * 6]
-    place, sigma = known
-    return [*place, *pose[3:], *sigma, *(s if p is not None else None for s, p in zip(pose[:3], place, strict=True))]
+    values, sigma = known
+    return [*values, *sigma, *(s if v not in (None, s) else None for s, v in zip(pose, values, strict=True))]
 
 
 def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> None:

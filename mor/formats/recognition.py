@@ -943,7 +943,7 @@ def format_of(path: Path) -> str | None:
     if suffix == ".csv":
         return next((c.key for c in candidates(sample) if c.key in _IN_TABLES), None)
     found = candidates(sample)
-    by_suffix = not found and sample.head and not sample.binary
+    by_suffix = not found and sample.head and not sample.binary and not _not_read(sample)
     return found[0].key if len(found) == 1 else _by_suffix(path) if by_suffix else None
 
 
@@ -963,9 +963,8 @@ def explain_unknown(path: Path) -> str:
     if len(found) > 1:
         said = "; ".join(f"{c.key}: {c.reason}" for c in found)
         return f"this file may have several formats ({said}); --from tells which"
-    for pattern, words in _NOT_READ:
-        if any(pattern.search(line) for line in sample.records[:3]):
-            return words
+    if words := _not_read(sample):
+        return words
     kind = sample.binary
     if kind:
         return f"this is {kind}, in no format that is read; {_TELL}"
@@ -973,6 +972,12 @@ def explain_unknown(path: Path) -> str:
         return "this file is empty"
     said = "; ".join(f"{c.key} ({c.reason})" for c in _nearest(sample))
     return f"this is {_looks(sample)}, in no format that is read; the nearest are {said}; {_TELL}"
+
+
+def _not_read(sample: Sample) -> str:
+    """Say what a file is if its format is known and not read; empty otherwise."""
+    lines = sample.records[:3]
+    return next((words for pattern, words in _NOT_READ if any(map(pattern.search, lines))), "")
 
 
 _TELL = "--from tells the format, mor new begins a project from tables (CSV, Parquet, spreadsheets)"
@@ -984,6 +989,10 @@ _NOT_READ = (
     ),
     (re.compile(r"For R[45]\|"), "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5"),
     (re.compile(r"RINEX VERSION / TYPE"), "this is a RINEX file; GNSS receivers' raw data are not read"),
+    (
+        re.compile(r"^LOCAL GEODETIC DATUM:"),
+        "this is a list of stations of the Bernese GNSS Software without observations; mor new reads it as a table",
+    ),
 )
 """Formats that are known and not read."""
 _BINARY = (

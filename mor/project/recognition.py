@@ -435,6 +435,7 @@ _WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
     }.items()
     for word in words.split("|")
 }
+_BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, _UNITS))})[)\]])(?= |$)", re.IGNORECASE)
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
 _LONGEST_HEADING = 200
@@ -646,7 +647,7 @@ def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) 
     parts = _parts(tidy, path)
     return [
         table._replace(
-            tidied=table.tidied or is_encoded,
+            tidied=table.tidied or is_encoded or cells.has_joined_units,
             notes=(*encoded, *notes, *table.notes),
             is_control=table.is_control or _is_control(table, block.title),
             part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
@@ -725,7 +726,12 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
     used = {cell for columns in kinds.values() for cell in columns.values()}
     if twice := sorted(cell for cell in used if header.count(cell) > 1):
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
+    if delimiter == " " and has_header:
+        _check_width(path, line, header, body, used)
     unused = tuple(cell for cell in header if cell and cell not in used and not _PLACEHOLDER.fullmatch(cell))
+    short = delimiter == " " and any(len(row) < len(header) for row in body)
+    if short and used.isdisjoint(header[min(map(len, body)) :]):  # remarks that are not there
+        full = {kind: tuple((*row, *[""] * (len(header) - len(row))) for row in rows_) for kind, rows_ in full.items()}
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     return [
@@ -741,7 +747,7 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
             header,
             full[kind],
             lines[len(lines) - len(body) :] if kind.startswith("levelling") else (),
-            tidied=rows != cells.rows or bool(notes) or full[kind] != body,
+            tidied=rows != cells.rows or bool(notes) or short or full[kind] != body,
             part=kind if len({len(part) for part in full.values()}) > 1 else "",
             notes=notes,
         )
@@ -1843,6 +1849,7 @@ class _File(NamedTuple):
     above: tuple[str, ...]
     """Cells of a comment that may be the header."""
     encoding: str
+    has_joined_units: bool = False
 
 
 def _cells(path: Path, sheet: str | None) -> _File:
@@ -1870,7 +1877,8 @@ def _cells(path: Path, sheet: str | None) -> _File:
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
     above = next((head for head in reversed(heads) if found and len(head) == len(found[0][1])), ())
-    return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding)
+    joined = delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines)
+    return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding, joined)
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
@@ -1881,7 +1889,10 @@ def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
 
 
 def _spaced(lines: list[str], delimiter: str) -> list[str]:
-    return [" ".join(line.split()) for line in lines] if delimiter == " " else lines
+    """Lines with one blank between cells if blanks separate them; a unit in brackets belongs to the name before it."""
+    if delimiter != " ":
+        return lines
+    return [_BRACKETED_UNIT.sub(r"\1", " ".join(line.split())) for line in lines]
 
 
 def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
@@ -1892,6 +1903,25 @@ def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
     starts, ends = {row[0] for row in words}, {row[1] for row in words}
     named = any(not _NUMBER.fullmatch(end) for end in ends)
     return named or (bool(starts & ends) and all(end.isdecimal() for end in starts | ends))
+
+
+def _check_width(path: Path, line: int, header: tuple[str, ...], body: _Cells, used: Collection[str]) -> None:
+    """Refuse columns between blanks if every row is shorter than the header: which column is empty is not known.
+
+    Columns at the end that are not used, as remarks, may be empty.
+    """
+    names = [cell for cell in header if not _PLACEHOLDER.fullmatch(cell)]
+    longest = max((len([cell for cell in row if cell.strip()]) for row in body), default=0)
+    if not longest or longest >= len(names):
+        return
+    last = [_cell(row, longest - 1) for row in body if len(row) >= longest]
+    ends = names[longest - 1] not in used or all(_NUMBER.fullmatch(cell.replace(",", ".")) for cell in last)
+    if not ends or any(name in used for name in names[longest:]):
+        words = (
+            f"the header has {len(names)} names and no row more than {longest} values between blanks; separate the "
+            "columns by commas or tabs, or write names without blanks"
+        )
+        raise InputError([Message(words, str(path), line)])
 
 
 def _padded(rows: _Cells) -> _Cells:

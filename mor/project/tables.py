@@ -448,7 +448,9 @@ def from_file(table: TableEntry, known: dict[str, Column], place: TableLocation)
     """Rows of a file beside the project; ``None`` if mistakes were told instead."""
     frame = place.document.frame(str(table.file))
     if frame is not None:
-        return _from_frame(frame, table, place.document.file_of(place.path), place.problems)
+        source = _from_frame(frame, table, place.document.file_of(place.path), place.problems)
+        is_read = bool(place.document.lines)  # rows of what a reader of a file made are no lines of that file
+        return replace(source, lines=np.zeros_like(source.lines)) if is_read else source
     path = place.folder / str(table.file)
     try:
         check_regular(path)

@@ -657,6 +657,7 @@ _REASONS = {
 }
 """Why things stay without start values."""
 _LEVELLED = "no height difference ties it to a point with a height"
+_ONLY_HEIGHT = "height differences tell its height, and nothing its position in plan"
 _ENOUGH = {"image": 4, "station": 2}
 """Points of known place that an image or a set needs to see for its attitude."""
 
@@ -666,19 +667,32 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
     found: dict[tuple[str, str], UndeterminedObject] = {}
     contradicted = _contradicted(network, start)
     for kind, values in start.items():
-        lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+        lost = np.asarray(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
         if not lost.any():
             continue
         rows = _rows_of(network, kind)
         levelled = _rows_of(network, kind, HEIGHT_DIFFERENCE)
+        tied = _tied_in_height(network, ~lost) if kind == "point" else lost
         for number in np.flatnonzero(lost).tolist():
             thing = thing_of(kind, network.blocks[kind].ids[number])
             reason = _REASONS.get(thing[0], "no start value is given")
-            reason = _LEVELLED if levelled[number] == rows[number] else reason
+            if levelled[number] == rows[number]:
+                reason = _ONLY_HEIGHT if tied[number] else _LEVELLED
             reason = CONTRADICTED if thing in contradicted else reason
             reason = reason if rows[number] else "no observation refers to it"
             found.setdefault(thing, UndeterminedObject(*thing, reason, "", int(rows[number])))
     return tuple(found.values())
+
+
+def _tied_in_height(network: Network, known: BoolArray) -> BoolArray:
+    """Points (n,) that a height difference ties to a known one."""
+    tied = np.zeros_like(known)
+    for group in network.groups:
+        if group.type is HEIGHT_DIFFERENCE:
+            ends = [n for slot, n in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+            for one, other in (ends[:2], ends[1::-1]):
+                tied[one] |= known[other]
+    return tied
 
 
 def _contradicted(network: Network, start: Mapping[str, FloatArray]) -> set[tuple[str, str]]:

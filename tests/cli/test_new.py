@@ -890,6 +890,32 @@ def test_a_short_row_is_left_as_it_is(tmp_path: Path) -> None:
     assert table.rows == (("A",), ("", "C", "50", "99"))
 
 
+def test_units_in_brackets_between_blanks_belong_to_the_name_before(tmp_path: Path) -> None:
+    """``X (M) Y (M)`` are two columns, as in lists of GNSS stations; a remark at the end may be missing."""
+    rows = "1 AAAA 10101M001 4075580.311 931853.976 4801568.181 A\n2 BBBB 10102M001 4121948.325 652187.956 4803152.1\n"
+    (tmp_path / "s.txt").write_text(f"Title\nNUM  STATION NAME   X (M)   Y (M)   Z (M)   FLAG\n\n{rows}")
+    (table,) = recognise(tmp_path / "s.txt")
+    assert table.columns == {"id": "NAME", "x": "X(M)", "y": "Y(M)", "z": "Z(M)"}
+    assert table.rows[0][3:6] == ("4075580.311", "931853.976", "4801568.181")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "s.txt")]) == 0
+    (entry,) = read_document(tmp_path / "p.yaml").data["points"]
+    text = (tmp_path / entry["file"]).read_text().splitlines()
+    assert text[2] == "2,BBBB,10102M001,4121948.325,652187.956,4803152.1,"
+
+
+@pytest.mark.parametrize(
+    ("header", "row"),
+    [("NUM STATION NAME X Y Z FLAG", "1 AAAA 4075580.3 931853.9 4801568.1 A"), ("Point Name X Y Z", "A 1 2 3")],
+)
+def test_rows_shorter_than_a_header_between_blanks_are_refused(
+    tmp_path: Path, header: str, row: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Which column is empty is not known: to take the last one would move coordinates into other columns."""
+    (tmp_path / "s.txt").write_text(f"{header}\n{row}\n{row.replace('A', 'B')}\n")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "s.txt")]) == 2
+    assert "names and no row more than" in capsys.readouterr().err
+
+
 def test_a_sheet_with_titles_and_units_is_copied(tmp_path: Path) -> None:
     text = "Loop of May\nfrom;to;dh;length\n;;m;km\nA;B;1.0;0.5\nB;A;-1.001;0.5"
     path = _as_spreadsheet(tmp_path / "book.csv", text)

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import mor
-from mor.api.pipeline import read_document, solve_network
+from mor.api.pipeline import read_document, read_network, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
 from mor.model.cameras import CAMERA_MODELS
+from mor.quality.plausibility import measured_twice
 from tests.reference_data import missing, network_of, point_results, reference_folder
 
 from .blocks import MODELS, block, written
@@ -141,6 +142,13 @@ def test_a_rig_is_a_pair(tmp_path: Path) -> None:
     base = [float(v) for v in document.data["pairs"][0]["rows"][0][1:4]]
     assert np.linalg.norm(base) == pytest.approx(0.5)
     assert "1 image point of no object point" in " ".join(map(str, document.notes))
+
+
+def test_a_point_twice_in_an_image_is_told_without_a_line(tmp_path: Path) -> None:
+    """The rows of a model's image points are no lines of its files."""
+    network = read_network(read_document(_rig(tmp_path, "40 -1 50", "40 1 50")), tmp_path)
+    (note,) = measured_twice(network)
+    assert (note.line, note.message) == (0, "image left 1.jpg has point 1 twice")
 
 
 @pytest.mark.parametrize("alone", [False, True])

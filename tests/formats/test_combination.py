@@ -164,7 +164,25 @@ def test_lines_stay_those_of_the_files() -> None:
 
 def test_axes_and_cameras_of_the_same_name_are_refused() -> None:
     first, second = _network(1.0, 1.0, {"length": "m", "angle": "rad"})
-    first.data["cameras"] = second.data["cameras"] = {"1": {"model": "mor"}}
+    first.data["cameras"], second.data["cameras"] = {"1": {"model": "mor"}}, {"1": {"model": "brown"}}
     second.data["axes"] = {"xy": "ne"}
     with pytest.raises(InputError, match=r"the axes are not those of a.*\n.*camera '1' is in a, too"):
         combined([first, second])
+
+
+def test_files_of_one_project_may_share_cameras_and_images() -> None:
+    """Of an image in both files the entry that says more stays; images that no reading names are left out."""
+    camera = {"1": {"model": "mor"}, "2": {"model": "mor"}}
+    units = {"length": "m", "angle": "rad"}
+    rows = [["i", "1", "5"], ["j", "1", "6"], ["k", "2", "7"]]
+    poses = _document("a", units, images=[{"columns": ["id", "camera", "x"], "rows": rows}])
+    bare = [["i", "1"], ["j", "1"]]
+    measured = [{"type": "image", "columns": ["image", "point", "x", "y"], "rows": [["i", "P", "0", "0"]]}]
+    readings = _document("b", units, images=[{"columns": ["id", "camera"], "rows": bare}], observations=measured)
+    poses.data["cameras"], readings.data["cameras"] = camera, dict(camera)
+    whole = combined([poses, readings])
+    assert [table["rows"] for table in whole.data["images"]] == [[["i", "1", "5"]]]
+    assert list(whole.data["cameras"]) == ["1"]
+    notes = " ".join(map(str, whole.notes))
+    assert "2 images in a, too: the fuller entry is taken" in notes
+    assert "2 images in which nothing is measured: not read" in notes

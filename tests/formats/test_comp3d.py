@@ -199,6 +199,33 @@ def test_frames_at_a_point(tmp_path: Path, code: int, options: str, omega: float
     assert sigma == pytest.approx(expected * (2.0 if options == "V 2" else 1.0), rel=1e-6)
 
 
+@pytest.mark.parametrize("origin", ["1 D 3000 2000 5 0 0 0\n", ""], ids=["given", "unknown"])
+def test_a_levelled_frame_far_from_the_centre(tmp_path: Path, origin: str) -> None:
+    """2 km from the centre of the project the vertical leans by 2000/R: 3 mm on 10 m if the frame did not follow."""
+    path = write(tmp_path)
+    held = "1 A 2990 2000 5 0 0 0\n1 B 3000 2010 5 0 0 0\n"
+    (tmp_path / "n.cor").write_text(f"{held}{origin}0 C 3010.1 1999.9 5.1\n")
+    (tmp_path / "sub" / "n.obs").write_text("11 D @f.xyz V\n")
+    (tmp_path / "sub" / "f.xyz").write_text("A -10 0 0 0.001\nB 0 10 0 0.001\nC 10 0 0 0.001\n")
+    values = mor.adjust(str(path))
+    points = values.project.network.things["point"]
+    place = values.solved.adjustment.values["point"][points.part("C", "position")]
+    np.testing.assert_allclose(place, [3010.0, 2000.0, 5.0], atol=3e-5)
+
+
+def test_a_point_with_a_height_alone_is_named_so(tmp_path: Path) -> None:
+    """B has a height from A; in a projection a point needs a place in plan, too, and that is the reason told."""
+    path = write(tmp_path)
+    path.write_text(COMP.replace('"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'))
+    (tmp_path / "n.cor").write_text("1 A 700000 6600000 100 0 0 0\n")
+    (tmp_path / "sub" / "n.obs").write_text("19 A @b.bas\n4 A B 2.0 0.001\n")
+    (tmp_path / "sub" / "b.bas").write_text("C 10 20 30 1e-6 0 0 1e-6 0 1e-6\n")
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "undetermined.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert (row["id"], row["reason"]) == ("B", "height differences tell its height, and nothing its position in plan")
+
+
 def test_a_project_in_a_projection(tmp_path: Path) -> None:
     """Baselines in geocentric axes, deflections of the vertical; coordinates by pyproj."""
     geocentric = Transformer.from_crs("EPSG:4965", "EPSG:4964", always_xy=True)

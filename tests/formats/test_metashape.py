@@ -195,6 +195,33 @@ def test_reference_positions_of_cameras_are_observed(tmp_path: Path) -> None:
     np.testing.assert_allclose(D[0], [0, -1, 0], atol=1e-12)
 
 
+def test_attitudes_with_an_accuracy_are_observed(tmp_path: Path) -> None:
+    """σ of a turn about any axis: ω and κ take it with 1/cos φ; not if switched off, or in a projection."""
+    turn = 'yaw="90" pitch="30" roll="0"'  # looks 30° off the nadir to the east: φ = ∓30°
+    camera = '<camera id="0" sensor_id="0" label="a.jpg">'
+    settings = '<settings><property name="accuracy_cameras_ypr" value="0.5"/>'
+    text = XML.replace("<settings>", settings).replace(camera, f'{camera}<reference x="1" y="2" z="3" {turn}/>')
+    path = tmp_path / "markers.xml"
+    path.write_text(text)
+    document = read_foreign(path)
+    images = document.data["images"][0]
+    found = dict(zip(images["columns"], images["rows"][0], strict=True))
+    sigma = np.radians(0.5)
+    expected = [sigma / np.cos(np.radians(30.0)), sigma, sigma / np.cos(np.radians(30.0))]
+    assert [float(found[f"sigma_{name}"]) for name in ("omega", "phi", "kappa")] == pytest.approx(expected)
+    assert abs(float(found["phi"])) == pytest.approx(np.radians(30.0))
+    assert "attitudes of 1 image are observed, σ = 0.5° as the file says" in " ".join(map(str, document.notes))
+    projected = '<reference>PROJCS["U",GEOGCS["E"]]</reference>'
+    local = '<reference>LOCAL_CS["Local Coordinates (m)"]</reference>'
+    for other in (
+        text.replace(turn, f'{turn} rotation_enabled="false"'),
+        text.replace(settings, "<settings>"),
+        text.replace(local, projected),
+    ):
+        path.write_text(other)
+        assert "sigma_omega" not in read_foreign(path).data["images"][0]["columns"]
+
+
 def test_cameras_and_markers_may_have_systems_of_their_own(tmp_path: Path) -> None:
     """Longitude and latitude of cameras are no lengths beside markers in a projection; σ in plan and in height."""
     geographic = 'GEOGCS["E",DATUM["D"]]'
