@@ -13,7 +13,7 @@ from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, cells, fixed, heading, in_words, short, table
 from mor.report.observations import fixed_point_rows, gross_errors, possible_causes, suspects
 from mor.report.summary import moving_rows, summary, worst_misfits
-from mor.solve.iterate import Outcome
+from mor.solve.iterate import ABSURD, Outcome
 
 # ---- Possible causes of a rejection and the results of a diagnosis, in words.
 
@@ -370,7 +370,16 @@ def undetermined_section(solved: Solved, words: Words = ENGLISH) -> str:
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         turned = [] if solved.quality is not None else turned_about(solved, words)
         return "\n".join([heading(words("Poorly determined")), *turned]) if turned else ""
-    return "\n".join([heading(words("Not determined")), *(_named(solved, words) or explain_singularity(solved, words))])
+    lines = _named(solved, words)
+    if not lines:
+        misfit = solved.adjustment.normals.objective / max(solved.adjustment.problem.observations, 1)
+        doubt = (
+            "This was found at values that do not fit the observations (sigma0 ratio {ratio}): wrong observations, "
+            "coordinates or start values may be the cause."
+        )
+        lines = [words(doubt, ratio=f"{misfit**0.5:.3g}")] if misfit > ABSURD else []
+        lines += explain_singularity(solved, words)
+    return "\n".join([heading(words("Not determined")), *lines])
 
 
 def _named(solved: Solved, words: Words) -> list[str]:
