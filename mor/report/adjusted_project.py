@@ -507,7 +507,9 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
         entries = []
         for name, (frame, keys) in zip(start_names(section, len(frames)), frames, strict=True):
             tables[name] = frame
-            entries.append({"file": name, "units": _units(placed, frame), **keys})
+            angular = (*ROTATION.names, "orientation", "latitude", "longitude")
+            angles = [c for c in frame.columns if c.split("_")[-1] in angular or c in DEFLECTIONS]
+            entries.append({"file": name, "units": dict.fromkeys(angles, angle_unit(placed)), **keys})
         if entries:
             data[section] = entries
     if "motions" in data:
@@ -610,13 +612,6 @@ def with_sphere_origin(section: Any, network: Network) -> dict[str, Any]:
 
 def _from(folder: Path, file: Path) -> str:
     return Path(os.path.relpath(file, folder)).as_posix()
-
-
-def _units(placed: Placed, frame: pl.DataFrame) -> dict[str, str]:
-    """Units of the angles, where the project's own (d-m-s) is not what a table of numbers has."""
-    angular = (*ROTATION.names, "orientation", "latitude", "longitude")
-    angles = [c for c in frame.columns if c.split("_")[-1] in angular or c in DEFLECTIONS]
-    return dict.fromkeys(angles, angle_unit(placed))
 
 
 def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:

@@ -48,7 +48,9 @@ def camera_figures(data: PageData) -> list[dict[str, Figure]]:
 
 def _figures(data: PageData, camera: dict[str, Any]) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
-    area = camera_window(camera, data.windows.get(camera["id"]), _measured_unit(data, camera))
+    mine = data.view.images.filter(pl.col("camera") == camera["id"])["id"]
+    units = data.measured.filter(pl.col("image").is_in(mine.implode()))["unit"]
+    area = camera_window(camera, data.windows.get(camera["id"]), str(units[0]) if len(units) else str(camera["unit"]))
     if area is not None and CAMERA_MODELS[camera["model"]].central:
         figures["curve"] = distortion_curve(camera, area, data.words)
         figures["field"] = distortion_field(camera, area, data.words)
@@ -58,12 +60,6 @@ def _figures(data: PageData, camera: dict[str, Any]) -> dict[str, Figure]:
     if mean is not None:
         figures["residuals"] = mean
     return figures
-
-
-def _measured_unit(data: PageData, camera: dict[str, Any]) -> str:
-    mine = data.view.images.filter(pl.col("camera") == camera["id"])["id"]
-    units = data.measured.filter(pl.col("image").is_in(mine.implode()))["unit"]
-    return str(units[0]) if len(units) else str(camera["unit"])
 
 
 def camera_window(camera: dict[str, Any], measured: Window | None, unit: str) -> Window | None:

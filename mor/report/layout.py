@@ -91,18 +91,14 @@ def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collecti
             missing = [""] * (height - len(part))
             part[:] = [*missing, *part] if number == 0 else [*part, *missing]
         for line in zip(*parts, strict=True):
-            lines.append(_line(line, widths, left, gap))
+            placed = [
+                cell.ljust(width) if k in left else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+            ]
+            lines.append(gap.join(placed).rstrip())
         if number == 0:
             lines.append(gap.join("-" * width for width in widths))
     return "\n".join(lines)
-
-
-def _line(cells: Sequence[str], widths: Sequence[int], left: Collection[int], gap: str) -> str:
-    placed = [
-        cell.ljust(width) if k in left else cell.rjust(width)
-        for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    ]
-    return gap.join(placed).rstrip()
 
 
 _TIED = "\u2007=\u2007"

@@ -253,20 +253,16 @@ def named_places(group: ObservationGroup) -> dict[str, Names]:
 def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     """The rows of the table of residuals with the largest |w|, the worst first, equal ones in their order."""
     tested, parts = AssessedGroups(solved), []
-    for number, rows in enumerate(_among_the_largest(solved, count)):
+    found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
+    largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
+    limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
+    for number, rows in enumerate([np.flatnonzero(size >= limit) for size, _ in found]):
         if len(rows):
             parts.append(table_of(tested.rows(number, rows)))
     if not parts:
         return pl.DataFrame(schema=SCHEMA)
     table = pl.concat(parts).filter(pl.col("w").is_not_null())
     return table[np.argsort(-comparable(np.abs(table["w"].to_numpy())), kind="stable")[:count]]
-
-
-def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
-    found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
-    largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
-    limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
-    return [np.flatnonzero(size >= limit) for size, _ in found]
 
 
 def _sizes(solved: Solved, number: int, count: int) -> tuple[FloatArray, FloatArray]:

@@ -106,7 +106,10 @@ class Writer:
         head, shown = list(headers), rows[:most]
         columns = [k for k in range(len(head)) if any(row[k] for row in shown)]
         left = sum(k < left for k in columns)
-        lines = [[_cell(row[k]) for k in columns] for row in (head, *shown)]
+        lines = [
+            [" ".join(shortened(word, 36 + 28) for word in escaped(row[k]).split(" ") if word) for k in columns]
+            for row in (head, *shown)
+        ]
         for line in lines[1:]:
             line[left:] = [text.replace(" ", "\u00a0") for text in line[left:]]
         size, gap = 7.75, 7.0
@@ -119,7 +122,9 @@ class Writer:
             if sum(least) <= room or size <= 5.0:
                 break
             size -= 0.25
-        widths = _shared(whole, least, room)
+        spare, wanted = room - sum(least), sum(whole) - sum(least)
+        share = 1.0 if wanted <= spare else max(spare, 0.0) / wanted
+        widths = [low + share * (high - low) for low, high in zip(least, whole, strict=True)]
         cells: list[list[Any]] = []
         for number, line in enumerate(lines):
             font = "mor-Bold" if number == 0 or number - 1 in bold else "mor"
@@ -279,11 +284,6 @@ def _marked(text: str) -> str:
     return escaped(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def _cell(text: str) -> str:
-    """A cell: names too long for any column are shortened, so that no word needs to be broken."""
-    return " ".join(shortened(word, 36 + 28) for word in escaped(text).split(" ") if word)
-
-
 def _extents(
     lines: list[list[str]], size: float, width: Callable[[str, str, float], float]
 ) -> tuple[list[list[float]], list[list[float]]]:
@@ -293,12 +293,6 @@ def _extents(
         for line in lines
     ]
     return whole, words
-
-
-def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list[float]:
-    spare, wanted = room - sum(least), sum(whole) - sum(least)
-    share = 1.0 if wanted <= spare else max(spare, 0.0) / wanted
-    return [low + share * (high - low) for low, high in zip(least, whole, strict=True)]
 
 
 # ---- The sections of the report.

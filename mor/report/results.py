@@ -23,31 +23,9 @@ from mor.output_files import Content, Writer, listed_files, write_content
 from mor.project.document import Document, any_unsafe, csv_lines, write_csv
 from mor.project.network import Network
 from mor.quality.solution import Solved
+from mor.report import estimates
 from mor.report.adjusted_project import Placed, adjusted_project, remarks
-from mor.report.estimates import FILE as UNDETERMINABLE_FILE
-from mor.report.estimates import (
-    boresight_rows,
-    chosen_pairs,
-    epoch_rows,
-    feature_table,
-    found_movements,
-    group_table,
-    image_table,
-    interior_rows,
-    knot_table,
-    motion_table,
-    movement_rows,
-    pair_table,
-    place_table,
-    point_table,
-    reference_table,
-    relative_rows,
-    station_table,
-    system_table,
-    undeterminable_rows,
-    undeterminable_table,
-    variance_components,
-)
+from mor.report.estimates import image_table, point_table
 from mor.report.identity import FILE, RunIdentity, identity_of, may_write, note_rows, readme
 from mor.report.language import LANGUAGES, words_of, words_of_page
 from mor.report.observations import (
@@ -88,32 +66,32 @@ def results(
     written.
     """
     beside = files is not None
-    points, images = point_table(solved), image_table(solved)
+    listed, interiors = _rows(image_table(solved), beside), image_interiors(solved)
     return {
         **summary(solved),
         "identity": identity_of(solved.network.project, of),
         "notes": note_rows(solved.network.notes, of.folder),
         "verdict": verdict_rows(solved),
         "reliability": reliability_rows(solved),
-        "points": _rows(points, beside),
-        "images": _with_interiors(_rows(images, beside), solved),
-        "motions": motion_table(solved).to_dicts(),
-        "epochs": epoch_rows(solved),
-        "trajectories": _rows(knot_table(solved), beside) if solved.network.trajectories else [],
-        "boresights": boresight_rows(solved),
-        "cameras": interior_rows(solved),
-        "stations": station_table(solved).to_dicts(),
-        "systems": system_table(solved).to_dicts(),
-        "pairs": pair_table(solved).to_dicts(),
-        "features": feature_table(solved).to_dicts(),
+        "points": _rows(point_table(solved), beside),
+        "images": None if listed is None else [{**row, **interiors.get(row["id"], {})} for row in listed],
+        "motions": estimates.motion_table(solved).to_dicts(),
+        "epochs": estimates.epoch_rows(solved),
+        "trajectories": _rows(estimates.knot_table(solved), beside) if solved.network.trajectories else [],
+        "boresights": estimates.boresight_rows(solved),
+        "cameras": estimates.interior_rows(solved),
+        "stations": estimates.station_table(solved).to_dicts(),
+        "systems": estimates.system_table(solved).to_dicts(),
+        "pairs": estimates.pair_table(solved).to_dicts(),
+        "features": estimates.feature_table(solved).to_dicts(),
         "others": [row for row in other_rows(solved) if not row["kind"].startswith("interior/")],
-        "groups": group_table(solved).to_dicts(),
-        "variance_components": variance_components(solved),
+        "groups": estimates.group_table(solved).to_dicts(),
+        "variance_components": estimates.variance_components(solved),
         "gross_errors": gross_errors(solved),
         "suspects": suspects(solved),
         "possible_causes": possible_causes(solved),
         "fixed_points": fixed_point_rows(solved),
-        "relative": relative_rows(solved, chosen_pairs(solved)),
+        "relative": estimates.relative_rows(solved, estimates.chosen_pairs(solved)),
         "checks": check_rows(solved),
         "failure": failure(solved),
         "tables": tables,
@@ -131,15 +109,8 @@ def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
     return frame.to_dicts() if frame.height <= INLINE or not beside else None
 
 
-def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list[dict[str, Any]] | None:
-    if images is None:
-        return None
-    interiors = image_interiors(solved)
-    return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
-
-
 def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
-    """Components of the interior orientation that an image has of its own, by image, where it has some."""
+    """The key ``interior`` of images with components of the interior orientation of their own, by image."""
     images, cameras = solved.network.things["image"], solved.network.project.cameras
     found = {}
     for i, (name, camera) in enumerate(zip(images.ids, images.parts["camera"], strict=True)):
@@ -147,7 +118,7 @@ def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
         if model.image_variant:
             kind, number = INTERIORS[model.model], int(images.parts["interior"][i])
             components = component_rows(solved, kind.key, number, kind.components)
-            found[name] = {own: components[own] for own in model.image_variant}
+            found[name] = {"interior": {own: components[own] for own in model.image_variant}}
     return found
 
 
@@ -328,10 +299,11 @@ def write_results(
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
     starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-    rows = undeterminable_rows(solved)
+    rows = estimates.undeterminable_rows(solved)
     if rows:
-        starts[UNDETERMINABLE_FILE] = table_writer(undeterminable_table(rows))
-    starts |= _external(solved, choice)
+        starts[estimates.FILE] = table_writer(estimates.undeterminable_table(rows))
+    if solved.quality is not None and choice.tables != "none" and external_reliability(solved).height:
+        starts[EXTERNAL] = lambda path: table_writer(external_reliability(solved))(path)
     long = dict(tables.values())
     # The list is completed below, before anything of the reports is made.
     files: list[str] = []
@@ -353,13 +325,7 @@ def write_results(
 
 def write_undeterminable(things: Sequence[UndeterminedObject], place: Reservation) -> None:
     """Write a folder with nothing but the table of what has no start values, which are too many for a screen."""
-    write_folder(place, {UNDETERMINABLE_FILE: table_writer(undeterminable_table(things))})
-
-
-def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
-    if solved.quality is None or choice.tables == "none" or not external_reliability(solved).height:
-        return {}
-    return {EXTERNAL: lambda path: table_writer(external_reliability(solved))(path)}
+    write_folder(place, {estimates.FILE: table_writer(estimates.undeterminable_table(things))})
 
 
 def _reports(
@@ -375,7 +341,7 @@ def _reports(
     if solved.quality is not None and choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, of, file, choice.language)
-    if choice.html and found_movements(solved) is not None:
+    if choice.html and estimates.found_movements(solved) is not None:
         reports["movements.html"] = lambda: _page_of_movements(solved, of, choice.language)
     return reports
 
@@ -395,9 +361,11 @@ def _is_alone(solved: Solved, choice: Choice) -> bool:
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
     """Writers of the adjusted project and its tables; a table that is written is gone."""
-    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder)
+    snooped = solved.treatment is not None and solved.treatment.snooping is not None
+    placed = Placed(solved.network.original or solved.network, _values_as_read(solved), snooped)
+    text, frames = adjusted_project(placed, document, source.resolve(), folder)
     text = remarks(solved.network.undeterminable) + text
-    frames["reference.csv"] = reference_table(solved)
+    frames["reference.csv"] = estimates.reference_table(solved)
 
     def writer(name: str) -> Writer:
         return lambda path: table_writer(frames.pop(name))(path)
@@ -410,12 +378,12 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
     if choice.tables == "none":
         return {}
     frames: dict[str, Callable[[Solved], pl.DataFrame]] = {"points": point_table, "images": image_table}
-    if found_movements(solved) is not None:
-        frames |= {"motions": motion_table, "movements": movement_rows}
+    if estimates.found_movements(solved) is not None:
+        frames |= {"motions": estimates.motion_table, "movements": estimates.movement_rows}
     if solved.network.trajectories:
-        frames["trajectories"] = knot_table
+        frames["trajectories"] = estimates.knot_table
     if solved.network.world is not None:
-        frames["places"] = place_table
+        frames["places"] = estimates.place_table
     if choice.tables == "worst":
         frames["residuals_worst"] = lambda solved: worst_residuals(solved, WORST)
     points = len(solved.network.things["point"].ids)
@@ -445,11 +413,6 @@ def _by_itself(solved: Solved, write: Writer) -> Writer:
         write(path)
 
     return alone
-
-
-def _placed(solved: Solved) -> Placed:
-    snooped = solved.treatment is not None and solved.treatment.snooping is not None
-    return Placed(solved.network.original or solved.network, _values_as_read(solved), snooped)
 
 
 def _values_as_read(solved: Solved) -> Values:

@@ -13,31 +13,8 @@ from mor.project.axes import ImageScale
 from mor.project.schema import ProjectFile, Settings
 from mor.quality.precision import confidence_factor
 from mor.quality.solution import Solved
-from mor.report.estimates import (
-    ANGULAR,
-    PER,
-    POSE,
-    boresight_rows,
-    chosen_pairs,
-    ellipse_table,
-    feature_table,
-    found_movements,
-    free_points,
-    group_table,
-    image_table,
-    interior_rows,
-    knot_table,
-    motion_table,
-    movement_rows,
-    neighbouring_pairs,
-    pair_table,
-    place_table,
-    point_table,
-    relative_rows,
-    station_table,
-    system_table,
-    variance_components,
-)
+from mor.report import estimates
+from mor.report.estimates import POSE, found_movements
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     ANGLE_DIGITS,
@@ -66,7 +43,7 @@ from mor.report.units import angle_unit, angle_unit_of, other_rows
 def camera_section(solved: Solved, words: Words = ENGLISH) -> str:
     """One part for each camera."""
     length = solved.network.project.units.length
-    parts = [_camera(row, length, words) for row in interior_rows(solved)]
+    parts = [_camera(row, length, words) for row in estimates.interior_rows(solved)]
     return "\n\n".join(parts)
 
 
@@ -125,9 +102,9 @@ NEIGHBOURS = 2000
 def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each point with unknowns: the ellipse in plan; in three dimensions also the ellipsoid."""
     dimensions = solved.network.project.settings.dimensions
-    if len(free_points(solved)) == 0 or dimensions == "z":
+    if len(estimates.free_points(solved)) == 0 or dimensions == "z":
         return ""
-    rows = ellipse_table(solved).to_dicts()
+    rows = estimates.ellipse_table(solved).to_dicts()
     lines = [heading(words("Error ellipses")), _explained(solved, words), plan(rows, solved.network.project, words)]
     if dimensions == "xyz":
         lines += ["", _space(solved, rows, words)]
@@ -153,9 +130,9 @@ def _space(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
 
 def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -> str:
     """One line for each pair of points asked for; where none is, for ``neighbours`` if wanted."""
-    pairs = chosen_pairs(solved)
+    pairs = estimates.chosen_pairs(solved)
     neighbours = neighbours and len(pairs) == 0
-    rows = relative_rows(solved, neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
+    rows = estimates.relative_rows(solved, estimates.neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
     if not rows:
         return ""
     length, angle = solved.network.project.units.length, angle_unit(solved)
@@ -187,7 +164,7 @@ def _explained(solved: Solved, words: Words) -> str:
 
 def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
     """Two tables with one line for each feature, two for a right angle: place and direction, and their σ."""
-    frame = feature_table(solved)
+    frame = estimates.feature_table(solved)
     if frame.height == 0 or solved.quality is None:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
@@ -218,10 +195,10 @@ def group_section(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each group."""
     if solved.quality is None:
         return ""
-    groups = group_table(solved).to_dicts()
+    groups = estimates.group_table(solved).to_dicts()
     columns = "name type observations redundancy:.3f vtpv:.3f sigma0:.4f flagged"
     headers = ["group", "type", "n", "sum r", "vTPv", "sigma0 [1]", "flagged"]
-    factors = components_in_words(variance_components(solved), groups, solved.network.project.settings, words)
+    factors = components_in_words(estimates.variance_components(solved), groups, solved.network.project.settings, words)
     rows = [cells(row, columns) for row in groups]
     return "\n".join([heading(words("Observation groups")), table(headers, rows, 2, words), *factors])
 
@@ -249,7 +226,7 @@ def components_in_words(
 
 def image_section(solved: Solved, words: Words = ENGLISH) -> str:
     """Two tables: positions and attitudes."""
-    frame = image_table(solved)
+    frame = estimates.image_table(solved)
     if frame.height == 0:
         return ""
     project, scales = solved.network.project, solved.network.scales
@@ -321,7 +298,7 @@ SHOWN = 2000
 
 def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """One line for each point."""
-    frame = point_table(solved)
+    frame = estimates.point_table(solved)
     if frame.height == 0:
         return ""
     unit = solved.network.project.units.length
@@ -408,9 +385,9 @@ def station_section(solved: Solved, words: Words = ENGLISH) -> str:
     units = dict.fromkeys(("omega", "phi", "kappa", "orientation"), (angle, f".{ANGLE_DIGITS[angle]}f"))
     units["scale"] = ("1", ".9g")
     for title, frame, names in (
-        ("Theodolite stations", station_table(solved), ("x", "y", "z", "orientation", "height")),
-        ("Local systems", system_table(solved), ("x", "y", "z", "omega", "phi", "kappa", "scale")),
-        ("Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
+        ("Theodolite stations", estimates.station_table(solved), ("x", "y", "z", "orientation", "height")),
+        ("Local systems", estimates.system_table(solved), ("x", "y", "z", "omega", "phi", "kappa", "scale")),
+        ("Stereo pairs", estimates.pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
     ):
         if frame.height:
             said: dict[str, tuple[str, str]] = {}
@@ -449,7 +426,7 @@ def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_MO
     lines = [heading(words("Movements of points")), *statements(solved, words)]
     for part in (
         listed_parameters(solved, words, shown),
-        listed_movements(movement_rows(solved), length, words, shown),
+        listed_movements(estimates.movement_rows(solved), length, words, shown),
     ):
         if part.rows:
             lines += ["", table(part.headers, part.rows, part.left, words, last_left=True)]
@@ -504,7 +481,7 @@ def statements(solved: Solved, words: Words) -> list[str]:
 
 def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     """A line for each velocity and step, two for an annual oscillation."""
-    frame = motion_table(solved)
+    frame = estimates.motion_table(solved)
     headers = ["point", "parameter", "unit", "X", "Y", "Z", "sX", "sY", "sZ", "test [1]", "p", "nabla", "verdict"]
     if frame.height == 0:
         return Listed(headers, [], 3, "")
@@ -514,7 +491,7 @@ def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
         waves = row["parameter"] == "annual oscillation"
         name = words("annual" if waves else row["parameter"])
         name = words("step at {time}", time=row["time"]) if row["time"] else name
-        unit = f"{said}{PER[row['parameter']]}"
+        unit = f"{said}{estimates.PER[row['parameter']]}"
         nabla = "-" if row["smallest"] is None else short(row["smallest"] * factor, 3)
         tests = [fixed(row["test"], 2), _p(row["p"]), nabla, words("moves") if row["moved"] else ""]
         rows.append([row["point"], f"{name} sin" if waves else name, unit, *_cells(row, "", factor), *tests])
@@ -571,7 +548,7 @@ def _p(value: float | None) -> str:
 
 def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """One line for each point, and what the coordinates refer to; nothing if the network is nowhere on the earth."""
-    world, frame = solved.network.world, place_table(solved)
+    world, frame = solved.network.world, estimates.place_table(solved)
     if world is None or frame.height == 0:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
@@ -579,10 +556,11 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     own = list(world.system.coordinates)
     heights = [name for name in ("ellipsoidal_height", "orthometric_height") if frame[name].count()]
     columns = [name for name in own if name != "height"] + heights + ["seast", "snorth", "sup"]
-    headers = ["point", *(f"{_said(name)} [{angle if name in ANGULAR else unit}]" for name in columns)]
+    headers = ["point", *(f"{_said(name)} [{angle if name in estimates.ANGULAR else unit}]" for name in columns)]
     # Decimals of latitudes and longitudes: a tenth of a millimetre.
     digits = [
-        {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in ANGULAR else d for name in columns
+        {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in estimates.ANGULAR else d
+        for name in columns
     ]
     rows = [
         [row["id"], *(fixed(row[name], k) for name, k in zip(columns, digits, strict=True))]
@@ -631,7 +609,7 @@ def trajectory_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOW
         stretches = int(found.stretch[-1]) + 1
         if stretches > 1:
             lines[-1] += ", " + words("{count:stretch|stretches} with gaps between them", count=stretches)
-    frame = knot_table(solved)
+    frame = estimates.knot_table(solved)
     lines += ["", *_knots(frame.head(shown), solved, words)]
     if frame.height > shown:
         said = "The first {shown} of {count} knots; trajectories.csv has all."
@@ -651,7 +629,7 @@ def _knots(frame: pl.DataFrame, solved: Solved, words: Words) -> list[str]:
 
 
 def _boresights(solved: Solved, words: Words) -> list[str]:
-    rows = boresight_rows(solved)
+    rows = estimates.boresight_rows(solved)
     if not rows:
         return []
     angle = angle_unit(solved)
