@@ -374,7 +374,7 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
             if k < 3:
                 places.append((at, value, row[name], tolerance["position"]))
             else:
-                value, s = _near(np.degrees(value), row[name]), np.degrees(s)
+                value, s = float(row[name] + (np.degrees(value) - row[name] + 180.0) % 360.0 - 180.0), np.degrees(s)
                 angles.append((at, value, row[name], tolerance["angle"]))
             if row[f"s{name}"] is not None:
                 sigmas.append((at, s, row[f"s{name}"], max(tolerance["sigma"] * row[f"s{name}"], 1e-15)))
@@ -388,10 +388,6 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
     yield from about.check("attitudes", angles)
     yield from about.check("interior orientation", values)
     yield from about.check("σ of images and cameras", sigmas)
-
-
-def _near(angle: float, reference: float) -> float:
-    return float(reference + (angle - reference + 180.0) % 360.0 - 180.0)
 
 
 _RELATIVE = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}

@@ -62,7 +62,11 @@ def run_tasks(
     try:
         while left or any(worker.number >= 0 for worker in workers):
             while left and len(workers) < jobs:
-                workers.append(_begun(context, function))
+                here, there = context.Pipe()
+                process = context.Process(target=_serve, args=(there, function), daemon=True)
+                process.start()
+                there.close()
+                workers.append(_Worker(process, here))
             for worker in workers:
                 if worker.number < 0 and left:
                     _give(worker, *left.pop())
@@ -78,14 +82,6 @@ def run_tasks(
     finally:
         for worker in workers:
             _end(worker)
-
-
-def _begun(context: Any, function: Function) -> _Worker:
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there, function), daemon=True)
-    process.start()
-    there.close()
-    return _Worker(process, here)
 
 
 def _give(worker: _Worker, number: int, task: Task) -> None:

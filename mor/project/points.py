@@ -216,16 +216,11 @@ def rotations(
     as_given |= oriented if oriented is not None else False
     if np.isfinite(sigma[~as_given]).any() or not free[~as_given].all():
         rows.tell(0, "fixed or observed ω, φ, κ need axes: {xy: en}")
-    values[~as_given] = _turned_angles(values[~as_given], reading.edge.matrix)
+    result = values[~as_given].copy()
+    known = np.isfinite(values[~as_given]).all(axis=1)
+    result[known] = angles_from_rotation(rotation_from_angles(values[~as_given][known]) @ reading.edge.matrix.T)
+    values[~as_given] = result
     return reading.shop.store("rotation").add(labels, values, free, sigma, start)
-
-
-def _turned_angles(values: FloatArray, M: FloatArray) -> FloatArray:
-    """ω, φ, κ that refer to project axes, for internal axes: D ← D Mᵀ."""
-    result = values.copy()
-    known = np.isfinite(values).all(axis=1)
-    result[known] = angles_from_rotation(rotation_from_angles(values[known]) @ M.T)
-    return result
 
 
 def inwards(edge: Edge, statuses: Statuses) -> Statuses:
@@ -289,7 +284,11 @@ class PointTable(NamedTuple):
     """(n, 2) ξ, η."""
 
 
-def _columns(reading: Reading, system: ReferenceSystem) -> list[Column]:
+def read_point_table(
+    reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[NameColumn]
+) -> PointTable | None:
+    """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
+    place = reading.at("points", number)
     edge = reading.edge
     columns = [Column("id", required=True)]
     for name in system.coordinates:
@@ -297,15 +296,7 @@ def _columns(reading: Reading, system: ReferenceSystem) -> list[Column]:
         columns += [number_column(prefix + name, quantity, edge) for prefix in ("", "start_")]
     columns += [number_column(f"sigma_{name}", LENGTH, edge) for name in ENU]
     columns += [number_column("sigma", LENGTH, edge), number_column(GEOID, LENGTH, edge)]
-    return columns + [number_column(name, ANGLE, edge) for name in DEFLECTIONS]
-
-
-def read_point_table(
-    reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[NameColumn]
-) -> PointTable | None:
-    """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
-    place = reading.at("points", number)
-    rows = read_table(table, _columns(reading, system), place)
+    rows = read_table(table, columns + [number_column(name, ANGLE, edge) for name in DEFLECTIONS], place)
     if rows is None:
         return None
     names = rows.text("id")

@@ -9,10 +9,12 @@ import os
 import re
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from importlib.resources import files
 from itertools import combinations, pairwise, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
 from statistics import median
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import yaml
@@ -26,45 +28,13 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
 
-_FROM = (
-    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
-    "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
-    "|instrumentenstandpunkt|setup|basepoint|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
-    "|estacao|stazione|st|est|punktodstania|stanowisko"
-    "|od|de|desde|da|durulannokta|dn|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
-)
-_TO = (
-    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
-    "|tostation|targetid|targetname|tgtpt|tgt"
-    "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado"
-    "|ptovisado|visado|puntoobservado|observado"
-    "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
-    "|secondpoint|secondpointnumber|ciel|cil"
-    "|do|vers|hacia|hasta|a|bakılannokta|bn|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
-)
-_POINT = (
-    "point|pointid|pt|ptid|pnt|pntid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
-    "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
-    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto"
-    "|nombrepunto|pto"
-    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|точка|номерточки|имяточки|titik|notitik|namatitik"
-)
-_HEIGHTS = {
-    "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
-    "|heightofinstrument|instrumenthoehe|kippachsenhoehe|instrht|insth|hauteurinstrument|hauteurappareil|hauteurstation"
-    "|alturainstrumento|alturadelinstrumento|alturadoinstrumento|altinstrumento|altinst|ai|altezzastrumentale"
-    "|altezzastrumento|altstrum"
-    "|wysokoscinstrumentu|aletyueksekligi|высотаинструмента|высотаприбора|tinggialat",
-    "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
-    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe|hp|hv|hauteurprisme|hauteurvoyant|hauteurcible"
-    "|hauteurreflecteur|alturaprisma|alturadelprisma|alturadoprisma|altprisma|ap|alturajalon|alturaobjetivo|alturasinal"
-    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht"
-    "|wysokosccelu|wysokosclustra|reflektoeryueksekligi|hedefyueksekligi|высотацели|высотаотражателя"
-    "|tinggitarget|tinggiprisma",
-}
+_LISTED = yaml.safe_load(files("mor.project").joinpath("column_names.yaml").read_text(encoding="utf-8"))
+_N = SimpleNamespace(**{meaning: "|".join(names.split()) for meaning, names in _LISTED.items()})
+"""Names of columns in many languages by their meaning, each list joined by bars."""
+_HEIGHTS = {"from_height": _N.from_height, "to_height": _N.to_height}
 _SIGHT = {
-    "station_height": f"fromheight|{_HEIGHTS['from_height']}",
-    "to_height": _HEIGHTS["to_height"],
+    "station_height": f"fromheight|{_N.from_height}",
+    "to_height": _N.to_height,
     "set": "set|satz|setid|setno|setnr|round|series",
     "face": "face|facenr|faceno|lage|kreislage",
     "epoch": "epoch|epoche",
@@ -77,71 +47,14 @@ def _precisions(names: str) -> str:
     return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
 
 
-_IMAGE = "bildname|bildnr|image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
-_STANDARD_DEVIATION = "std|stdev|stddev|standarddeviation|err|error|uncertainty|precision"
-_BETWEEN = {**_HEIGHTS, "sigma": _STANDARD_DEVIATION, "epoch": "epoch|epoche"}
-_LENGTHS = (
-    "laenge|linelength|length|distance|dist|strecke|d|distancia|longitud|longueur|distanza|długosc|odległosc"
-    "|mesafe|uzunluk"
-    "|расстояние|длина|jarak"
-)
-"""Names of a distance that beside a height difference is the length of a levelling line."""
-_DISTANCE = (
-    "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
-    "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
-    "|distancia|distanzainclinata|distinclinata|distanza"
-    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|kenar|наклонноерасстояние|расстояние|длина"
-    "|jarakmiring|jarak"
-)
-_PLAN_DISTANCE = (
-    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance"
-    "|horizontalstrecke"
-    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal"
-    "|distanciareducida"
-    "|distanzaorizzontale|distorizzontale"
-    "|odległoscpozioma|yataymesafe|yatayuzunluk|горизонтальноепроложение|горизонтальноерасстояние"
-    "|jarakhorizontal|jarakdatar"
-)
-_BEARING = (
-    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing"
-    "|qb|rb|course"
-    "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
-    "|azymut|semt|acıklıkacısı|азимут|дирекционныиугол"
-)
-_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|kenar|d"
+_BETWEEN = {**_HEIGHTS, "sigma": _N.standard_deviation, "epoch": "epoch|epoche"}
+_BEARING_DISTANCE = f"{_N.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
-_HORIZONTAL = (
-    "horizontal|hz|ha|dir|direc|hcr|hcrobservation|hdir|hangle|hzangle|horizontalangle|horizontaldirection"
-    "|horizontalcircle|direction|richtung|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung"
-    "|horizontalrichtung|horizangle|horangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel"
-    "|horizontalang|hzang|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
-    "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
-    "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
-    "|kierunek|kierunekpoziomy|katpoziomy|yatayacı|yataydogrultu|dogrultu|горизонтальныиугол"
-    "|горизонтальноенаправление|направление|suduthorizontal|sudutmendatar"
-)
-_ZENITH = (
-    "zenith|zeta|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
-    "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
-    "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
-    "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
-    "|leituravertical|angulozenital|zenital|angoloverticale|angolozenitale|cerchioverticale|zenitale"
-    "|katzenitalny|katpionowy|dueseyacı|zenitacısı|вертикальныиугол|зенитныиугол|зенитноерасстояние"
-    "|sudutvertikal|sudutzenit"
-)
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
 _ELEVATION = 45.0
 """Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
-_POINTS = {
-    "x": "x|x0|xo|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx|pointx"
-    "|este|est|coordx",
-    "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy|pointy"
-    "|norte|coordy",
-    "z": "z|z0|zo|zaltitude|h|height|wysokosc|yuekseklik|kot|высота|отметка|tinggi|elevasi|elevation|elev|el"
-    "|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
-    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz|elevatie|startingelevation|startelevation",
-}
+_POINTS = {"x": _N.x, "y": _N.y, "z": _N.z}
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
     f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
@@ -162,27 +75,10 @@ _ENDS = {
     "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
 }
 """Names of both ends of a line, which no list of points has."""
-_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_POINT}|{_TO}")
+_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_N.point}|{_N.to}")
 """Names of points with a staff, without those that may be numbers of rows or readings."""
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
-_BACK = (
-    "back|backsight|bs|ab|achterbaak|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
-    "|arriere|lecturearriere"
-    "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
-    "|wstecz|odczytwstecz|geri|geriokuma|назад|отсчетназад|belakang|bacaanbelakang"
-)
-_BETWEEN_READINGS = (
-    "between|is|ifs|zs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
-    "|vistaintermedia"
-    "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
-)
-_FORE = (
-    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant"
-    "|lectureavant|lectav"
-    "|vb|voorbaak|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
-    "|wprzod|odczytwprzod|ileri|ileriokuma|вперед|отсчетвперед|muka|bacaanmuka"
-)
 _STAFF_HEIGHTS = ("height", "hgt")
 """Names of the height at which a staff is read, behind the name of the reading."""
 _CODES = {
@@ -191,35 +87,28 @@ _CODES = {
     **dict.fromkeys(["i", "is", "intermediate", "zwischenblick", "z", "zs"], "between"),
 }
 """Codes of staff readings in a column of their own; others are those of results."""
-_STAFF_DISTANCES = {
-    "back_distance": "bsdistance|bsdist|abdist"
-    "|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
-    "|distatras",
-    "fore_distance": "fsdistance|fsdist|vbdist"
-    "|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
-    "|distadelante",
-}
+_STAFF_DISTANCES = {"back_distance": _N.back_distance, "fore_distance": _N.fore_distance}
 
 
 def _joined(names: str, *ends: object) -> str:
     return "|".join(f"{name}{end}" for name in names.split("|") for end in ends)
 
 
-_SECOND = {"back2": _joined(_BACK, 2), "fore2": _joined(_FORE, 2)}
+_SECOND = {"back2": _joined(_N.back, 2), "fore2": _joined(_N.fore, 2)}
 """Readings of a second instrument on the same points."""
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
         {
-            "image": f"{_IMAGE}|img|filename|picture|imagefile|photoname",
-            "point": f"{_POINT}|id|target",
+            "image": f"{_N.image}|img|filename|picture|imagefile|photoname",
+            "point": f"{_N.point}|id|target",
             "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
             "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
         },
         {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
     ),
     "zenith_directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r", "zenith": _ZENITH},
+        {"station": _N.from_, "to": f"{_N.to}|{_N.point}|id", "horizontal": f"{_N.horizontal}|r", "zenith": _N.zenith},
         {
             **_SIGHT,
             "sigma_horizontal": _precisions("hz|dir|direc|direction|horizontal"),
@@ -228,8 +117,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
     ),
     "directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r"},
-        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz')}|{_STANDARD_DEVIATION}|md"},
+        {"station": _N.from_, "to": f"{_N.to}|{_N.point}|id", "horizontal": f"{_N.horizontal}|r"},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz')}|{_N.standard_deviation}|md"},
     ),
     "angle": (
         {
@@ -238,85 +127,88 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
             "angle": "angle|ang|winkel|angleright|horizontalangle",
         },
-        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{_STANDARD_DEVIATION}"},
+        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{_N.standard_deviation}"},
     ),
     "levelling between points": (
         {
-            "from": f"{_FROM}|bspoint|backpoint|backsightstation",
+            "from": f"{_N.from_}|bspoint|backpoint|backsightstation",
             "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
-            "back": _BACK,
-            "fore": _FORE,
+            "back": _N.back,
+            "fore": _N.fore,
         },
-        {**_STAFF_DISTANCES, "distance": _LENGTHS},
+        {**_STAFF_DISTANCES, "distance": _N.length},
     ),
     "levelling": (
         {
-            "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
-            "back": _joined(_BACK, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
-            "fore": _joined(_FORE, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "point": f"{_NAMED}|{_N.from_}|{_N.point}|id|remarks|remark|bemerkung",
+            "back": _joined(_N.back, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "fore": _joined(_N.fore, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
         },
         {
             **_SECOND,
-            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE, *_STAFF_HEIGHTS),
-            "distance": _LENGTHS,
+            "between": _joined(_N.between, "", *_MIDDLE, *_STAFF_HEIGHTS),
+            "distance": _N.length,
             **_STAFF_DISTANCES,
             "height": _POINTS["z"],
         },
     ),
     "levelling by codes": (
         {
-            "point": f"{_NAMED}|{_POINT}|id",
+            "point": f"{_NAMED}|{_N.point}|id",
             "reading": "height|hoogte|hoehe|reading|staffreading",
             "code": "meastype|measurementtype|meettype|messtyp|messart",
         },
-        {"distance": f"{_LENGTHS}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
+        {"distance": f"{_N.length}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
     ),
     "vector": (
-        {"from": _FROM, "to": _TO, **_VECTOR},
+        {"from": _N.from_, "to": _N.to, **_VECTOR},
         {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}|m{name}" for name in _VECTOR}},
     ),
-    "zenith_angle": ({"from": _FROM, "to": f"{_TO}|{_POINT}", "zenith_angle": _ZENITH}, _BETWEEN),
-    "bearing": ({"from": _FROM, "to": _TO, "bearing": _BEARING}, _BETWEEN),
+    "zenith_angle": ({"from": _N.from_, "to": f"{_N.to}|{_N.point}", "zenith_angle": _N.zenith}, _BETWEEN),
+    "bearing": ({"from": _N.from_, "to": _N.to, "bearing": _N.bearing}, _BETWEEN),
     "traverse by legs": (
         {
             "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach|lado|linea|tramo|alineacion|cote|lato",
-            "bearing": _BEARING,
+            "bearing": _N.bearing,
             "distance": _BEARING_DISTANCE,
         },
         {},
     ),
-    "traverse": ({"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE}, {}),
+    "traverse": (
+        {"point": f"{_N.from_}|{_N.point}|id|corner", "bearing": _N.bearing, "distance": _BEARING_DISTANCE},
+        {},
+    ),
     "traverse by angles": (
         {
-            "point": f"{_FROM}|{_POINT}|id|corner",
+            "point": f"{_N.from_}|{_N.point}|id|corner",
             "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
             "|innenwinkel|brechungswinkel|anguloobservado|angulointerno|angulointerior",
             "distance": _BEARING_DISTANCE,
         },
         {},
     ),
-    "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
+    "vertical_direction": ({"from": _N.from_, "to": _N.to, "vertical_direction": ""}, _BETWEEN),
     "distance": (
-        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": f"{_DISTANCE}|s"},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}|ms"},
+        {"from": _N.from_, "to": f"{_N.to}|{_N.point}", "distance": f"{_N.distance}|s"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_N.standard_deviation}|ms"},
     ),
     "height_difference": (
         {
-            "from": _FROM,
-            "to": _TO,
+            "from": _N.from_,
+            "to": _N.to,
             "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee|desnivel"
             "|dislivello"
             "|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
-            "length": f"km|lengthkm|skm|l|{_LENGTHS}",
+            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_N.standard_deviation}",
+            "length": f"km|lengthkm|skm|l|{_N.length}",
             "epoch": "epoch|epoche",
         },
     ),
     "horizontal_distance": (
-        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
+        {"from": _N.from_, "to": f"{_N.to}|{_N.point}", "distance": _BEARING_DISTANCE},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_N.standard_deviation}"},
     ),
     "observations by type": (
         {
@@ -326,28 +218,28 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"unit": "units|einheit|unidad|unite"},
     ),
     "images": (
-        {"id": f"id|{_IMAGE}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
+        {"id": f"id|{_N.image}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
         {**_POINTS, **_STATED, "camera": "kamera"},
     ),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
-    "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
-    "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{_POINT}|nn|station|target|p", **_POINTS}, _STATED),
+    "stations": ({"id": f"id|{_N.from_}", "orientation": "orientierung"}, {"point": _N.point, "height": "ih|hi"}),
+    "stations over points": ({"id": "id|station", "point": _N.point, "height": "ih|hi"}, {"set": ""}),
+    "points": ({"id": f"id|{_N.point}|nn|station|target|p", **_POINTS}, _STATED),
     "vector by coordinates": (
         {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
         {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
     ),
     "height_difference by heights": (
         {**_ENDS, "dz": "height|elevation|h"},
-        {"sigma": f"{_precisions('height|elevation|h')}|{_STANDARD_DEVIATION}", "length": f"km|{_LENGTHS}"},
+        {"sigma": f"{_precisions('height|elevation|h')}|{_N.standard_deviation}", "length": f"km|{_N.length}"},
     ),
-    "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
+    "images with positions": ({"id": _N.image, **_POINTS}, _STATED),
     "points in the plane": (
-        {"id": f"id|{_POINT}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        {"id": f"id|{_N.point}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
     ),
     "points with heights": (
-        {"id": f"id|{_POINT}|nn", "z": _POINTS["z"]},
+        {"id": f"id|{_N.point}|nn", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
     ),
 }
@@ -420,7 +312,7 @@ _HAIRS = tuple(
     )
 )
 """Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
-_HAIRED_NAMES = {"back": _BACK.split("|"), "fore": _FORE.split("|"), "between": _BETWEEN_READINGS.split("|")}
+_HAIRED_NAMES = {"back": _N.back.split("|"), "fore": _N.fore.split("|"), "between": _N.between.split("|")}
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 _WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
     word: unit
@@ -1940,7 +1832,7 @@ def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str
     else:
         return {}
     found = {kind: columns}
-    if kind == "distance" and _normalised(_name_and_unit(columns[kind])[0]) in _LENGTHS.split("|"):
+    if kind == "distance" and _normalised(_name_and_unit(columns[kind])[0]) in _N.length.split("|"):
         levelled = _columns("height_difference", named)
         if levelled is not None:
             return {"height_difference": levelled}

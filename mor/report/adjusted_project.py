@@ -183,16 +183,6 @@ def unknown_constants(placed: Placed, kind: BlockKind, numbers: IntArray, own: B
     return Unknown(kind.names, free & ~observed & own[:, None], (observed | ~own[:, None]) & any_[:, None])
 
 
-def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
-    names: dict[int, str] = {}
-    for space in ("position", "point"):
-        things = placed.network.things.get(space)
-        if things is not None:
-            here = np.flatnonzero(np.isin(things.parts["position"], numbers))
-            names |= {int(things.parts["position"][i]): things.ids[i] for i in here}
-    return [names.get(int(n), "") for n in numbers]
-
-
 def _frame_places(placed: Placed, positions: IntArray) -> dict[str, FloatArray]:
     """Places of frames on the earth, in the reference system; of those that stand on points none.
 
@@ -224,8 +214,14 @@ def pose_columns(
     edge = placed.network.edge
     on_earth = placed.network.world is not None
     places = _frame_places(placed, positions) if on_earth else coordinate_columns(placed, positions)
+    names: dict[int, str] = {}
+    for space in ("position", "point"):
+        things = placed.network.things.get(space)
+        if things is not None:
+            here = np.flatnonzero(np.isin(things.parts["position"], positions))
+            names |= {int(things.parts["position"][i]): things.ids[i] for i in here}
     return {
-        shared: _shared_names(placed, positions),
+        shared: [names.get(int(n), "") for n in positions],
         **places,
         **angle_columns(placed, rotations, edge.matrix if edge.turned and not level else np.eye(3)),
     }
@@ -522,7 +518,12 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
             place = {"latitude": horizon.latitude, "longitude": horizon.longitude}
             data["world"]["origin"] = {name: f"{_degrees(angle)!r} deg" for name, angle in place.items()}
     if placed.network.sphere is not None:
-        data["curvature"] = with_sphere_origin(data["curvature"], placed.network)
+        assert placed.network.sphere is not None
+        given = np.array(placed.network.sphere.origin) @ placed.network.edge.matrix
+        kept = dict(data["curvature"]) if isinstance(data["curvature"], Mapping) else {}
+        if "origin" not in kept:
+            kept["origin"] = {name: repr(float(value)) for name, value in zip("xyz", given, strict=True)}
+        data["curvature"] = kept
     for section in ("observations", "checks", "candidates", "line_times"):
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
@@ -598,16 +599,6 @@ def grids_moved(world: dict[str, Any], source: Path, target: Path) -> dict[str, 
         elif given:
             moved[key] = {axis: _from(target, source / file) for axis, file in given.items()}
     return moved
-
-
-def with_sphere_origin(section: Any, network: Network) -> dict[str, Any]:
-    """Return the section ``curvature`` with the origin that the network has, whatever its coordinates are now."""
-    assert network.sphere is not None
-    given = np.array(network.sphere.origin) @ network.edge.matrix
-    kept = dict(section) if isinstance(section, Mapping) else {}
-    if "origin" not in kept:
-        kept["origin"] = {name: repr(float(value)) for name, value in zip("xyz", given, strict=True)}
-    return kept
 
 
 def _from(folder: Path, file: Path) -> str:

@@ -346,10 +346,6 @@ def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
     return rows
 
 
-def _times(sigma: float | None, factor: float | None) -> float | None:
-    return None if sigma is None or factor is None else sigma * factor
-
-
 def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
     return [
         {
@@ -358,7 +354,7 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
             "unit": raised(one.units[name]),
             "value": short(row["value"], digits_worth(row["value"], row["sigma"])),
             "sigma": short(row["sigma"], 3),
-            "U": short(_times(row["sigma"], one.coverage), 3),
+            "U": short(None if row["sigma"] is None or one.coverage is None else row["sigma"] * one.coverage, 3),
             "significance": fixed(row.get("t"), 1) if name != "c" else "-",
             "status": words.listed(row["status"]),
         }
@@ -372,16 +368,11 @@ def _expanded(one: Certificate, unit: str = "") -> list[str]:
 
 def _distortion(one: Certificate) -> list[tuple[list[str], bool]]:
     """Radius, distortion, σ and U, and whether points were measured so far out."""
-    factor, places = one.small[1], _decimals(one)
+    largest = float(one.table.sigma.max(initial=0.0)) * one.small[1]
+    factor, places = one.small[1], (3 if largest == 0.0 else int(np.clip(1 - np.floor(np.log10(largest)), 0, 7)))
     rows = zip(one.table.radius, one.table.shift * factor, one.table.sigma * factor, strict=True)
     beside = [1.0] if one.coverage is None else [1.0, one.coverage]
     return [
         ([short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)], bool(r <= one.covered))
         for r, s, e in rows
     ]
-
-
-def _decimals(one: Certificate) -> int:
-    """Decimals of distortions: two figures of the largest σ; without σ three."""
-    largest = float(one.table.sigma.max(initial=0.0)) * one.small[1]
-    return 3 if largest == 0.0 else int(np.clip(1 - np.floor(np.log10(largest)), 0, 7))

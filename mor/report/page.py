@@ -706,6 +706,8 @@ def asset(name: str) -> str:
 def _content(data: PageData) -> dict[str, Any]:
     view = data.view
     control, kind = control_table(view), Path(view.residuals_file).suffix
+    sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
+    unit, factor = small_unit(view.length, max(sizes, default=1.0))
     return {
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
@@ -750,7 +752,8 @@ def _content(data: PageData) -> dict[str, Any]:
         "movements": [data.words(name) for name in view.summary["movements"]],
         "say": data.words,
         "language": data.words.language,
-        **_movement(view),
+        "movement_unit": unit,
+        "movement_factor": factor,
     }
 
 
@@ -766,12 +769,6 @@ def _moved_points(data: PageData) -> dict[str, Any] | None:
         "drawing": movement_drawing(found, data.words),
         "table": listed_movements(last.sort("p", nulls_last=True), view.length, data.words, MOST_LISTED),
     }
-
-
-def _movement(view: View) -> dict[str, Any]:
-    sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
-    unit, factor = small_unit(view.length, max(sizes, default=1.0))
-    return {"movement_unit": unit, "movement_factor": factor}
 
 
 def sigma_words(data: PageData) -> str:

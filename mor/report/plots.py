@@ -141,7 +141,12 @@ def spell_out(figure: Figure) -> None:
 
 def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figure:
     """Distortion and correlations of one camera, the first if none is named. Raises :class:`InputError`."""
-    chosen = _chosen(view, name)
+    names = [camera["id"] for camera in view.cameras]
+    if not names:
+        raise InputError([Message("there is no camera to plot")])
+    if name is not None and name not in names:
+        raise InputError([Message(f"unknown camera {name!r}{nearest(name, names)}")])
+    chosen = view.cameras[names.index(name) if name else 0]
     measured = image_points(view)
     unit = str(measured["unit"][0]) if measured.height else str(chosen["unit"])
     area = camera_window(chosen, windows(view, measured).get(chosen["id"]), unit)
@@ -152,15 +157,6 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
         _curve(left, chosen, area, words)
     _matrix(right, chosen, words)
     return figure
-
-
-def _chosen(view: View, name: str | None) -> dict[str, Any]:
-    names = [camera["id"] for camera in view.cameras]
-    if not names:
-        raise InputError([Message("there is no camera to plot")])
-    if name is not None and name not in names:
-        raise InputError([Message(f"unknown camera {name!r}{nearest(name, names)}")])
-    return view.cameras[names.index(name) if name else 0]
 
 
 def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> None:

@@ -150,10 +150,14 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
     factor = np.fmax(local.misfit[number], 1.0)
     per_unit = ANGLE_UNITS[_angle(network)] if kind == "rotation" else 1.0
     sigma = factor * local.sigma[number] / per_unit
+    if kind == "rotation":
+        sigma = np.array([np.nan if np.isnan(sigma).all() else np.nanmax(sigma)])
+    elif kind == "point":
+        sigma = np.abs(in_project_axes(network, sigma[None])[0])
     return StartValue(
         space, name, WHAT.get(kind, kind.partition("/")[0]), status,
         _changed_names(network, kind, number, changed), None if status == "missing" else home if changed.any() else 0,
-        how, components, values, units, _sigma_outwards(network, kind, sigma),
+        how, components, values, units, sigma,
         float(local.misfit[number]), int(local.observations[number]),
     )  # fmt: skip
 
@@ -199,14 +203,6 @@ def in_project_axes(network: Network, xyz: FloatArray) -> FloatArray:
     """Coordinates (n, 3) in the axes of the project; what is not known of one does not spread to the others."""
     M = network.edge.matrix
     return np.asarray(xyz[:, np.argmax(np.abs(M), axis=0)] * M.sum(axis=0))
-
-
-def _sigma_outwards(network: Network, kind: str, sigma: FloatArray) -> FloatArray:
-    if kind == "rotation":
-        sigma = np.array([np.nan if np.isnan(sigma).all() else np.nanmax(sigma)])
-    elif kind == "point":
-        sigma = np.abs(in_project_axes(network, sigma[None])[0])
-    return sigma
 
 
 def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int]]]:
@@ -296,22 +292,18 @@ STATUSES = ("given", "found", "replaced", "missing")
 def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words = ENGLISH) -> str:
     """The report on start values."""
     all_given = words("All start values are given.") if all(row.status == "given" for row in rows) else ""
+    lines = [
+        [words.listed(kind), words.listed(what), *(str(number[status]) for status in STATUSES)]
+        for kind, what, number in counts(rows)
+    ]
     parts = [
         all_given,
-        _counts(rows, words),
+        f"{heading(words('Start values'))}\n{table(['thing', 'value', *STATUSES], lines, 2, words)}",
         _parts(approximation, words),
         *_values(rows, words),
         _missing(approximation, words),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def _counts(rows: Sequence[StartValue], words: Words) -> str:
-    lines = [
-        [words.listed(kind), words.listed(what), *(str(number[status]) for status in STATUSES)]
-        for kind, what, number in counts(rows)
-    ]
-    return f"{heading(words('Start values'))}\n{table(['thing', 'value', *STATUSES], lines, 2, words)}"
 
 
 def _parts(approximation: Approximation, words: Words) -> str:
@@ -432,7 +424,10 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
     axes.set_aspect("equal", adjustable="datalim")
     home, points = _start_values_homes(approximation, len(xyz)), network.things["point"].parts["position"]
     spaces = ("image", "images", "D"), ("station", "stations", "^")
-    for number, colour in _drawn(home):
+    homes, sizes = np.unique(home, return_counts=True)
+    largest = homes[np.argsort(-sizes, kind="stable")][:12].tolist()  # of more parts only these are drawn
+    for k, number in enumerate(sorted(largest)):
+        colour = _COLOURS[k % len(_COLOURS)]
         label = words("part {number}", number=number) if number else words.listed("object system")
         _marks(axes, xyz[points[home[points] == number]][:, chosen], "o", 3, colour, label)
         for space, _, marker in spaces:
@@ -466,13 +461,6 @@ def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
         home[join.points] = join.number
         home[[approximation.frames[number].position for number in join.frames]] = join.number
     return home
-
-
-def _drawn(home: IntArray) -> list[tuple[int, str]]:
-    numbers, counts = np.unique(home, return_counts=True)
-    # Parts that are drawn, of more the largest.
-    most = sorted(numbers[np.argsort(-counts, kind="stable")][:12].tolist())
-    return [(int(number), _COLOURS[k % len(_COLOURS)]) for k, number in enumerate(most)]
 
 
 def _marks(axes: Axes, xy: FloatArray, marker: str, size: float, colour: str, label: str) -> None:

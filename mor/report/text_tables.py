@@ -76,11 +76,7 @@ def _camera(row: dict[str, Any], length: str, words: Words) -> str:
 
 def check_section(solved: Solved, words: Words = ENGLISH) -> str:
     """Deviations of what was kept out, by group and component."""
-    return section_of(check_rows(solved), solved.network.project.units.length, words)
-
-
-def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
-    """The same of checks as :func:`mor.report.observations.check_rows` has them, and a unit of lengths."""
+    checks, unit = check_rows(solved), solved.network.project.units.length
     rows = [cells(row, "group component unit count mean:.4g rms:.4g largest:.4g exceeding") for row in checks]
     if not rows:
         return ""
@@ -107,7 +103,12 @@ def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
     rows = estimates.ellipse_table(solved).to_dicts()
     lines = [heading(words("Error ellipses")), _explained(solved, words), plan(rows, solved.network.project, words)]
     if dimensions == "xyz":
-        lines += ["", _space(solved, rows, words)]
+        length, angle = solved.network.project.units.length, angle_unit(solved)
+        headers = ["point", "axis 1", "azimuth 1", "elevation 1", "axis 2", "azimuth 2", "elevation 2"]
+        headers += ["axis 3", "azimuth 3", "elevation 3"]
+        numbers = " ".join(f"axis{k}:.{DIGITS[length]}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
+        units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
+        lines += ["", f"{units}\n{table(headers, [cells(row, f'id {numbers}') for row in rows], words=words)}"]
     return "\n".join(lines)
 
 
@@ -117,15 +118,6 @@ def plan(rows: Sequence[Mapping[str, Any]], project: ProjectFile, words: Words) 
     headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
     d = DIGITS[length]
     return table(headers, [cells(row, f"id a:.{d}f b:.{d}f azimuth:.1f") for row in rows], words=words)
-
-
-def _space(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
-    length, angle = solved.network.project.units.length, angle_unit(solved)
-    headers = ["point", "axis 1", "azimuth 1", "elevation 1", "axis 2", "azimuth 2", "elevation 2"]
-    headers += ["axis 3", "azimuth 3", "elevation 3"]
-    numbers = " ".join(f"axis{k}:.{DIGITS[length]}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
-    units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
-    return f"{units}\n{table(headers, [cells(row, f'id {numbers}') for row in rows], words=words)}"
 
 
 def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -> str:
@@ -304,7 +296,11 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     unit = solved.network.project.units.length
     d = DIGITS[unit]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
-    lines = [heading(words("Points (datum: {datum})", datum=datum)), listed_points(frame.head(shown), unit, words)]
+    numbers = " ".join(f"{name}:.{DIGITS[unit]}f" for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a"))
+    rows = [cells(row, f"id {numbers} rays others status") for row in frame.head(shown).to_dicts()]
+    names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
+    headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
+    lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
     if frame.height > shown:
         lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
     if solved.quality is not None:
@@ -316,15 +312,6 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
                 + ", ".join(f"{n.upper()} {words.number(fixed(value, d))}" for n, value in zip("xyz", rms, strict=True))
             )
     return "\n".join(lines)
-
-
-def listed_points(frame: pl.DataFrame, unit: str, words: Words) -> str:
-    """The rows of a table of points, lengths in a unit."""
-    numbers = " ".join(f"{name}:.{DIGITS[unit]}f" for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a"))
-    rows = [cells(row, f"id {numbers} rays others status") for row in frame.to_dicts()]
-    names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
-    headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
-    return table(headers, rows, words=words)
 
 
 # ---- The worst residuals first.
@@ -556,7 +543,9 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     own = list(world.system.coordinates)
     heights = [name for name in ("ellipsoidal_height", "orthometric_height") if frame[name].count()]
     columns = [name for name in own if name != "height"] + heights + ["seast", "snorth", "sup"]
-    headers = ["point", *(f"{_said(name)} [{angle if name in estimates.ANGULAR else unit}]" for name in columns)]
+    short_names = {"ellipsoidal_height": "h", "orthometric_height": "H", "seast": "sE", "snorth": "sN", "sup": "sU"}
+    units = [angle if name in estimates.ANGULAR else unit for name in columns]
+    headers = ["point", *(f"{short_names.get(n, n)} [{of}]" for n, of in zip(columns, units, strict=True))]
     # Decimals of latitudes and longitudes: a tenth of a millimetre.
     digits = [
         {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in estimates.ANGULAR else d
@@ -578,11 +567,6 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     )
     lines.append(words(said, latitude=words.number(f"{latitude:.4f}"), longitude=words.number(f"{longitude:.4f}")))
     return "\n".join(lines)
-
-
-def _said(name: str) -> str:
-    said = {"ellipsoidal_height": "h", "orthometric_height": "H", "seast": "sE", "snorth": "sN", "sup": "sU"}
-    return said.get(name, name)
 
 
 # ---- Trajectories: how they are interpolated, their knots with σ, misalignments of inertial systems.
@@ -610,22 +594,18 @@ def trajectory_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOW
         if stretches > 1:
             lines[-1] += ", " + words("{count:stretch|stretches} with gaps between them", count=stretches)
     frame = estimates.knot_table(solved)
-    lines += ["", *_knots(frame.head(shown), solved, words)]
-    if frame.height > shown:
-        said = "The first {shown} of {count} knots; trajectories.csv has all."
-        lines.append(words(said, shown=shown, count=frame.height))
-    return "\n".join([*lines, *_boresights(solved, words)])
-
-
-def _knots(frame: pl.DataFrame, solved: Solved, words: Words) -> list[str]:
     unit, angle = solved.network.project.units.length, angle_unit(solved)
     tables = []
     for names, of, digits in ((POSE[:3], unit, DIGITS[unit]), (POSE[3:], angle, ANGLE_DIGITS[angle])):
         columns = [*names, *(f"s{name}" for name in names)]
         numbers = " ".join(f"{name}:.{digits}f" for name in columns)
-        rows = [cells(row, f"trajectory time:.3f {numbers}") for row in frame.to_dicts()]
+        rows = [cells(row, f"trajectory time:.3f {numbers}") for row in frame.head(shown).to_dicts()]
         tables += [table(["trajectory", "time [s]", *(f"{c} [{of}]" for c in columns)], rows, words=words), ""]
-    return tables[:-1]
+    lines += ["", *tables[:-1]]
+    if frame.height > shown:
+        said = "The first {shown} of {count} knots; trajectories.csv has all."
+        lines.append(words(said, shown=shown, count=frame.height))
+    return "\n".join([*lines, *_boresights(solved, words)])
 
 
 def _boresights(solved: Solved, words: Words) -> list[str]:

@@ -259,24 +259,18 @@ def _observations(solved: Solved, quality: Quality, entries: list[ObservationCom
     nabla = detectable(quality, np.array(entries, dtype=np.int64).reshape(-1, 3)).tolist()
     rows = []
     for k, entry in enumerate(entries):
+        group = quality.adjustment.problem.groups[entry.group]
+        r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
         rows.append(
             {
-                **_weakest(quality, entry, nabla[k]),
+                **place(group, entry.row, entry.component),
+                "r": r,
+                "nabla": said_one(said_sizes, group, entry.component, nabla[k]) if np.isfinite(nabla[k]) else None,
                 "carries": [names[block] for block in carried[k]] if k < len(told) else None,
                 "cure": _cure(solved, cures[k]) if k < CURED else None,
             }
         )
     return rows
-
-
-def _weakest(quality: Quality, entry: ObservationComponent, nabla: float) -> dict[str, Any]:
-    group = quality.adjustment.problem.groups[entry.group]
-    r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
-    return {
-        **place(group, entry.row, entry.component),
-        "r": r,
-        "nabla": said_one(said_sizes, group, entry.component, nabla) if np.isfinite(nabla) else None,
-    }
 
 
 def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:

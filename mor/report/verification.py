@@ -75,6 +75,11 @@ def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
     ]
     given = os.environ.get(EPOCH)
     now = datetime.fromtimestamp(float(given), UTC) if given else datetime.now(UTC)
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
@@ -90,7 +95,7 @@ def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
             }
         ),
         "system": platform.platform(),
-        "processor": _processor(),
+        "processor": names[0] if names else platform.processor() or platform.machine(),
         "processors": os.cpu_count(),
         "count": len(rows),
         "compared": sum(row["numbers"] for row in rows),
@@ -108,15 +113,6 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return ""
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 # ---- Text and page.
