@@ -137,8 +137,6 @@ def _of_large_block(solved: Solved, required: Sequence[Requirement], blocks: Int
 
 # ---- Variants of a plan: parts left out, other σ, another lens, candidates added.
 
-_SPACES = {"points": "point", "images": "image", "stations": "station"}
-
 
 def variant_network(document: Document, folder: Path, name: str, base: Network) -> Network:
     """The network of a variant, at its place. Raises :class:`InputError` for names of nothing."""
@@ -215,7 +213,7 @@ def _without(network: Network, variant: Variant, at: str, problems: list[Message
     names = [group.name for group in network.groups]
     whole = set(chosen_names(wanted.groups, names, "group of observations", at, problems))
     lost: dict[str, set[str]] = {}
-    for key, space in _SPACES.items():
+    for key, space in {"points": "point", "images": "image", "stations": "station"}.items():
         things = network.things[space].ids
         lost[space] = {things[k] for k in chosen_names(getattr(wanted, key), things, space, at, problems)}
     lost["station"] |= {name for name, (station, _) in network.sets.items() if station in lost["station"]}

@@ -63,11 +63,6 @@ from mor.types import BoolArray, FloatArray
 #
 # Start values are worked out where none are given; of several that are possible the adjustment decides.
 
-SETTLING = 40
-"""Iterations in which start values that are in doubt have to lead to a solution."""
-IMPATIENT = Patience(6, 1e-2, 1e-2)
-"""Start values in doubt lead nowhere if twelve iterations lower vᵀPv by less than a hundredth."""
-
 
 def make_problem(network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]) -> Problem:
     """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
@@ -166,7 +161,8 @@ def _settled(network: Network, start: Mapping[str, FloatArray]) -> tuple[Mapping
     if not all_known(start):
         return None
     try:
-        found = adjust(make_problem(network, start, start), start, SolverSettings(SETTLING, IMPATIENT))
+        # Start values in doubt have 40 iterations; they lead nowhere if twelve lower vᵀPv by less than a hundredth.
+        found = adjust(make_problem(network, start, start), start, SolverSettings(40, Patience(6, 1e-2, 1e-2)))
     except NotFiniteError:
         return None
     if found.outcome is Outcome.SINGULAR:

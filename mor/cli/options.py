@@ -146,11 +146,8 @@ def _is_project(file: Path) -> bool:
     if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
         return False
     with file.open("rb") as content:
-        return any(line.startswith(b"mor:") for line in content.read(_HEAD).splitlines())
-
-
-_HEAD = 1 << 16
-"""Bytes of a file in which its key ``mor`` is looked for."""
+        # Bytes of a file in which its key ``mor`` is looked for.
+        return any(line.startswith(b"mor:") for line in content.read(1 << 16).splitlines())
 
 
 # ---- ``--jobs`` and ``--cluster``: who shares what is to be done many times.

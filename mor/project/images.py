@@ -41,8 +41,6 @@ from mor.units import IMAGE, NUMBER, Component
 
 # ---- Cameras of a project: interior orientations, image scales, image-variant components.
 
-DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
-"""Diagonal of the format that 35 mm equivalents refer to, mm."""
 GUESSED_CONSTANT = 1.0
 """Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
 
@@ -138,7 +136,8 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
     width, height = (split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height))
     if camera.focal_length_35mm is not None:
         diagonal = float(np.hypot(width, height))
-        return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
+        full_frame = float(np.hypot(36.0, 24.0))  # diagonal of the format that 35 mm equivalents refer to
+        return camera.focal_length_35mm * diagonal / full_frame, "from focal_length_35mm"
     return GUESSED_CONSTANT * max(width, height), f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
 
 

@@ -52,8 +52,6 @@ _BEARING_DISTANCE = f"{_N.plan_distance}|distance|length|dist|strecke|distancia|
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
-_ELEVATION = 45.0
-"""Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {"x": _N.x, "y": _N.y, "z": _N.z}
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -255,8 +253,6 @@ _ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*|;.*)$", re.IGN
 """A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
 _WITH_UNIT = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|[\s_]in[\s_]([A-Za-zµ]+)|_([A-Za-zµ]+))")
 _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
-_BACKSIGHT = ("backsight", "bs")
-"""Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
 _LINES = ("distance", "horizontal_distance")
 """Kinds of distances: one is computed from the other where a table has both."""
 _ALSO = {
@@ -301,8 +297,6 @@ _PLACEHOLDER = re.compile(r"column\d+")
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
-_WIRES = 0.1
-"""Part of the interval of the outer wires by which the middle one may be off."""
 _HAIRS = tuple(
     tuple(re.compile(f"(?:hilo|fil|filo)?(?:{name})(?:hair|wire|stadia|reading|faden)?") for name in names)
     for names in (
@@ -329,9 +323,6 @@ _WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
 }
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
-_LONGEST_HEADING = 200
-_SHORT = 3
-"""Letters of headings such as D, M, S and sec, which say nothing without the one above them."""
 _TITLES = 20
 """Rows among which the header is looked for."""
 _STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
@@ -343,8 +334,6 @@ _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
 _PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
-_DISTINCT = 12
-"""Different angles that tell d.mmss: as many others have minutes and seconds below 60 once in 200 000 tables."""
 _QUADRANT = re.compile(
     r"(?P<from>[NS])\s*(?P<d>\d+(?:[.,]\d+)?)(?:\s*[-°ºd:\s]\s*(?P<m>\d+(?:[.,]\d+)?))?"
     r"(?:\s*[-'’′m:\s]\s*(?P<s>\d+(?:[.,]\d+)?))?[\s°ºd'’′m\"”″s-]*(?P<to>[EWO])\.?",
@@ -385,12 +374,6 @@ _CIRCLES = {"gon": 400.0, "deg": 360.0}
 _WAYS = tuple(product(_CIRCLES, (1, -1)))
 _AGREES = 0.5
 """Part of the misfit in the other unit or sense that angles in theirs have at most."""
-_ELSEWHERE = 0.05
-"""Part of the largest image coordinate by which two places of one point do not differ."""
-_LEVEL = 2.0
-"""Degrees or gon that half of the sights rise or fall at most if their zenith angles tell the unit."""
-_REVERSED = 0.02
-"""Part of the circle within which angles agree with exchanged axes."""
 _OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
@@ -1157,7 +1140,8 @@ def _are_wires(values: Sequence[float | None]) -> bool:
         return not any(values)
     upper, middle, lower = (value or 0.0 for value in values[:3])
     mean = values[3] or 0.0 if len(values) > 3 else middle
-    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= _WIRES * (upper - lower)
+    # The middle wire may be off by a tenth of the interval of the outer ones.
+    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= 0.1 * (upper - lower)
 
 
 class _LevelRow(NamedTuple):
@@ -1396,7 +1380,8 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         group = cell if is_own else group
         divided |= bool(part) and not is_own
         # A name of its own that no other group has needs none, as the height behind the readings of a book.
-        is_alone = not is_own and name in _KNOWN and len(name) > _SHORT and parts.count(name) == 1
+        # Headings of up to three letters such as D, M, S and sec say nothing without the one above them.
+        is_alone = not is_own and name in _KNOWN and len(name) > 3 and parts.count(name) == 1
         names.append((part.strip() if is_alone else f"{group} {part.strip()}") if part.strip() else cell)
     return _with_hairs(names) if divided else ()
 
@@ -1498,7 +1483,8 @@ def _without_packed_angles(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
         digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
         long = {text for text in digits if len(text.rstrip("0")) > 2}
         numbers = [_cell(row, k) for row in body if _NUMBER.fullmatch(_cell(row, k))]
-        if len(long) < _DISTINCT or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
+        # Twelve different angles tell d.mmss: in others all minutes and seconds are below 60 once in 200 000 tables.
+        if len(long) < 12 or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
             continue
         texts = []
         for row, match in zip(body, cells, strict=True):
@@ -1642,7 +1628,8 @@ def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], ro
         place = header.index(kinds[kind][old])
         cells = (row[place].strip().replace(",", ".") for row in rows if len(row) > place)
         values = [abs(float(match[0])) for match in map(_LEADING.match, cells) if match]
-        if values and median(values) < _ELEVATION:
+        # The median of zenith angles is larger than 45 degrees or gon, that of elevations is smaller.
+        if values and median(values) < 45.0:
             columns = kinds.pop(kind)
             kinds[other] = {column if name == old else name: cell for name, cell in columns.items()}
 
@@ -1685,7 +1672,8 @@ def _with_image_points_apart(tables: Sequence[Found]) -> list[Found]:
             continue
         both = [(places[0][key], places[1][key]) for key in shared]
         size = max(abs(value) for pair in both for place in pair for value in place)
-        apart = sum(max(abs(a - b) for a, b in zip(*pair, strict=True)) > _ELSEWHERE * size for pair in both)
+        # Two places of one point differ by less than 5 % of the largest image coordinate.
+        apart = sum(max(abs(a - b) for a, b in zip(*pair, strict=True)) > 0.05 * size for pair in both)
         if 2 * apart <= len(shared):
             continue
         is_control = [name <= listed for name in names]
@@ -1824,7 +1812,8 @@ def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
 
 def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
     names = {text for _, text, _ in named}
-    backsights = not names.isdisjoint(_BACKSIGHT)
+    # Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one.
+    backsights = not names.isdisjoint(("backsight", "bs"))
     for kind in ("angle", *KINDS) if backsights else KINDS:
         columns = (_columns(kind, _without_place(named)) if kind == "image" else None) or _columns(kind, named)
         if columns is not None:
@@ -1886,7 +1875,7 @@ def _named(header: Sequence[str]) -> list[tuple[str, str, str]]:
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
     """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
-    if len(cell) > _LONGEST_HEADING:
+    if len(cell) > 200:
         return cell, ""
     match = _WITH_UNIT.fullmatch(cell.strip())
     if match:
@@ -1931,8 +1920,6 @@ _VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direct
 _VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
 _PLANE = {"angle", "bearing", "directions", "horizontal_distance"}
 """Types without heights."""
-_PIXELS = 100.0
-"""Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
 
 _DECIMETRE = 0.1
@@ -2093,7 +2080,8 @@ def _from_a_corner(table: Found) -> bool:
     if table.units.get("x", "px") != "px":
         return False
     values = [value for name in "xy" for value in table.numbers(name)]
-    return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
+    # Image coordinates that go beyond 100 and never below zero are pixels from a corner.
+    return bool(values) and min(values) >= 0.0 and max(values) > 100.0
 
 
 class _Circles(NamedTuple):
@@ -2126,12 +2114,14 @@ def _circles(tables: Sequence[Found]) -> _Circles:
     zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
     least = {name: min(best[name, 1], best[name, -1]) for name in _CIRCLES}
     level = [median(abs(v % (full / 2) - full / 4) for v in zeniths or (0.0,)) for full in _CIRCLES.values()]
-    if min(level) < _LEVEL:  # steep sights, as to a facade, do not tell
+    # Zenith angles tell the unit if half of the sights rise or fall by at most 2 degrees or gon; steep ones do not.
+    if min(level) < 2.0:
         least = dict(zip(_CIRCLES, level, strict=True))
     first, second = sorted(_CIRCLES, key=lambda name: least[name])
     told = first if least[first] < _AGREES * least[second] else ""
     known = told or "gon"
-    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], _REVERSED)
+    # With exchanged axes angles agree within 2 % of the circle.
+    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], 0.02)
     return _Circles(told if bare else None, is_reversed)
 
 
@@ -2161,21 +2151,18 @@ def _is_bare(table: Found, name: str) -> bool:
     return name in table.columns and name not in table.units and bool(table.numbers(name))
 
 
-_AT = {
-    "angle": ("at", "from", "to", "angle"),
-    "bearing": ("from", "from", "to", "bearing"),
-    "directions": ("station", "station", "to", "horizontal"),
-    "zenith_directions": ("station", "station", "to", "horizontal"),
-}
-"""Columns with the point of the circle, where an angle begins and ends, and the reading."""
-
-
 def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float, sense: int) -> float | None:
     """Median misfit of angles to coordinates as part of the circle, ``None`` without both.
 
     Angles in no stated unit are in the unit that has ``full`` in a circle. ``sense`` -1 is that of exchanged axes.
     """
-    names = _AT.get(table.kind)
+    # Columns with the point of the circle, where an angle begins and ends, and the reading.
+    names = {
+        "angle": ("at", "from", "to", "angle"),
+        "bearing": ("from", "from", "to", "bearing"),
+        "directions": ("station", "station", "to", "horizontal"),
+        "zenith_directions": ("station", "station", "to", "horizontal"),
+    }.get(table.kind)
     if names is None:
         return None
     before: tuple[str, float, float] | None = None

@@ -50,8 +50,6 @@ _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
 _AGREEING, _SAME = 5, 1e-3
 """Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
-_RADII = {"torus": (1.0, 2.0)}
-"""Factors of the radius of the circle through the points: in a thick torus this circle follows the tube."""
 
 
 class Held(NamedTuple):
@@ -105,13 +103,14 @@ def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | No
         free.shape & np.isnan(known),
     )
     found = [_guess(type_, q, D, known, free) for D in _candidates(q, free, held)]
+    # Factors of the radius of the circle through the points: in a thick torus this circle follows the tube.
     guesses = [
         [
             guess._replace(shape=guess.shape * np.where(free.shape & [True, False, False], factor, 1.0))
             for guess in found
             if guess is not None
         ]
-        for factor in _RADII.get(type_, (1.0,))
+        for factor in {"torus": (1.0, 2.0)}.get(type_, (1.0,))
     ]
     best = _refined(type_, q, guesses, free)
     if best is None:

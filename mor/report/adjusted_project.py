@@ -480,7 +480,6 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
 
 Given: TypeAlias = pl.DataFrame | str
 """A table beside the project, or the text of a matrix."""
-_OFFSET = "time_offset"
 _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""
 
@@ -631,7 +630,7 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
         turned = [component.quantity == ANGLE for component in GNSS_FRAME.components]
         values = placed.values[GNSS_FRAME.key][number] / np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
         result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
-    for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), (_OFFSET, TIME_OFFSET.key)):
+    for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), ("time_offset", TIME_OFFSET.key)):
         number = placed.network.things["instrument"].part(name, part)
         if number < 0:
             continue

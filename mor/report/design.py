@@ -160,7 +160,6 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
 
 _MOST = 640
 """Largest height of the drawing of a network."""
-_MOST_SIGHTS = 3_000
 _BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
@@ -203,7 +202,7 @@ def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[
         return np.asarray((place[..., axes] * signs - (low + high) / 2.0) * factor + middle)
 
     parts = []
-    for number, (kind, names) in enumerate(sights[:_MOST_SIGHTS]):
+    for number, (kind, names) in enumerate(sights[:3_000]):
         ends = [on_paper(found.at[name]) for name in names if name in found.at]
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in ends)
         said = escape(" – ".join(names))

@@ -551,8 +551,6 @@ FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
     "form": pl.Float64,
 }
 _X, _Z = np.eye(3)[[0, 2]]
-_LINES = ("line", "cylinder")
-"""Features that have no centre: the place of one is the mean of its points, put on the axis."""
 
 
 def feature_table(solved: Solved) -> pl.DataFrame:
@@ -592,7 +590,8 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
         if feature.type in ("plane", "right angle"):
             held, away = axis, off[chosen] @ axis[:, None]
         else:
-            held, away = 1.0 - axis if feature.type in _LINES else np.ones(3), off[chosen][:, :2]
+            # Features that have no centre: the place of one is the mean of its points, put on the axis.
+            held, away = 1.0 - axis if feature.type in ("line", "cylinder") else np.ones(3), off[chosen][:, :2]
         on = on * (1.0 - held)
         place = ((on - offset) @ D + values["point"][origin]) @ M
         direction = None if feature.type == "sphere" else upright((axis @ D @ M)[None])[0]

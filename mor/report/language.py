@@ -27,7 +27,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 # ``{:n}``: names of columns, keys and formats. A single word only changes where it marks its place with
 # ``{:w}``.
 
-_LETTER = re.compile(r"[^\W\d_]")
 _VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
 """A name in quotes, whatever is in it, or as little as can be."""
 WORD = "w"
@@ -69,7 +68,7 @@ class Sentence:
     @cached_property
     def letters(self) -> int:
         """Fixed letters: of two sentences that fit, the one that says more is meant."""
-        return sum(len(_LETTER.findall(text)) for text in self.fixed)
+        return sum(len(re.findall(r"[^\W\d_]", text)) for text in self.fixed)
 
     @cached_property
     def _places(self) -> list[str]:

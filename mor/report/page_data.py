@@ -256,9 +256,6 @@ def angle_unit_of_rays(view: View) -> str:
 
 # ---- Data of the network figure besides rays: sights by kind, given points, relative ellipses, external reliability.
 
-_SHARE = 0.06
-"""Share of the extent that large vectors are drawn with."""
-
 
 @cache
 def _drawn_kinds() -> dict[str, str]:
@@ -319,7 +316,8 @@ def scale_of_effects(view: View, effects: pl.DataFrame) -> float:
     sizes = np.linalg.norm(effects.select("dx", "dy", "dz").to_numpy(), axis=1)
     extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) if view.points.height else 0.0
     large = float(np.quantile(sizes, 0.9)) if len(sizes) else 0.0
-    return round_length(_SHARE * extent / large) if large > 0.0 and extent > 0.0 else 1.0
+    # Large vectors are drawn as long as 6 % of the extent.
+    return round_length(0.06 * extent / large) if large > 0.0 and extent > 0.0 else 1.0
 
 
 def relative_ellipses(view: View) -> pl.DataFrame:
@@ -450,12 +448,9 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
     for k, axis in enumerate("abc"):
         parts = (bearings_of(edge, unit, space.azimuths[:, k]), space.elevations[:, k] / ANGLE_UNITS[unit])
         for which, values in zip(("azimuth", "elevation"), parts, strict=True):
-            shown = np.where(there[:, k], np.round(values, _DECIMALS.get(unit, 1)), np.nan)
+            shown = np.where(there[:, k], np.round(values, {"rad": 3, "mrad": 0, "mgon": 0}.get(unit, 1)), np.nan)
             columns[f"ellipsoid_{which}_{axis}"] = shown
     return pl.DataFrame(columns, schema=dict.fromkeys(DIRECTIONS, pl.Float64))
-
-
-_DECIMALS = {"rad": 3, "mrad": 0, "mgon": 0}
 
 
 # ---- The data of the page: tables that its charts and tables are drawn from, with what was left to the files.

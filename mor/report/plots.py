@@ -297,7 +297,6 @@ _KINDS = {
     "scale": ("scale bars", BLUE, "-", 2.5),
 }
 """Heading, colour, line and width of each kind of sight."""
-_GIVEN = {"control": ("control points", "^"), "check": ("check points", "s")}
 
 
 def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
@@ -327,7 +326,7 @@ def draw_paths(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
 def draw_given(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     """Control points and check points, each with its mark."""
     given = with_given(view, view.points)["given"].to_numpy()
-    for kind, (name, marker) in _GIVEN.items():
+    for kind, (name, marker) in {"control": ("control points", "^"), "check": ("check points", "s")}.items():
         xyz = places(view)[given == kind][:, chosen]
         if len(xyz):
             axes.plot(
@@ -578,7 +577,6 @@ def _map(axes: Axes, found: Overlap, words: Words) -> None:
 
 # ---- Residual vectors: of one image, or of all images one beside the other.
 
-_COLUMNS = 5
 _RESIDUALS_MOST = 60
 """Images that are drawn beside each other: those with the largest test values."""
 
@@ -589,7 +587,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     if measured.height == 0:
         raise InputError([Message("cannot plot residual vectors: there are no images")])
     names = _residuals_chosen(measured, image)
-    columns = min(_COLUMNS, len(names))
+    columns = min(5, len(names))
     rows = -(-len(names) // columns)
     wide = len(names) == 1
     figure = sheet(7.5, 5.5 if wide else 0.6 + 1.3 * rows)

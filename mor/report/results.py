@@ -124,17 +124,6 @@ def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
 
 # ---- Memory of reports and tables from their sizes, before they are made; measured as that of the adjustment is.
 
-_LIBRARIES = 30e6
-_ROWS_TOGETHER = 500_000
-"""Rows of the long table that are in memory at a time."""
-_OF_ROW = 120
-_PAGE = 15e6
-_OF_RAY_ON_PAGE, _OF_OTHER_ON_PAGE = 1200, 1000
-"""Bytes of a row of the network beside the adjustment: in the tables, and on the page."""
-_OF_POINT = 450
-"""Bytes of a point in the tables and in the adjusted project."""
-_OF_LISTED = 5_500
-"""Bytes of a point that ``results.json`` lists, as Python objects."""
 FEWER = "--no-html, and --tables worst"
 """Advice."""
 
@@ -144,12 +133,13 @@ def memory_of_reports(network: Network, html: bool, tables: Literal["none", "wor
     rays = sum(group.count for group in network.groups if len(group.type.components) == 2)
     others = sum(group.count for group in network.groups) - rays
     points = len(network.things["point"].ids)
-    size = _LIBRARIES + _OF_LISTED * (points if points <= INLINE else 0)
-    size += _OF_POINT * points
+    size = 30e6  # libraries
+    size += 5_500 * (points if points <= INLINE else 0)  # a point that results.json lists, as Python objects
+    size += 450 * points  # in the tables and in the adjusted project
     if tables == "all" or html:
-        size += _OF_ROW * min(rays + others, _ROWS_TOGETHER)
+        size += 120 * min(rays + others, 500_000)  # rows of the long table that are in memory at a time
     if html:
-        size += _PAGE + _OF_RAY_ON_PAGE * rays + _OF_OTHER_ON_PAGE * others
+        size += 15e6 + 1200 * rays + 1000 * others
     return size
 
 
