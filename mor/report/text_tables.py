@@ -544,8 +544,8 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     heights = [name for name in ("ellipsoidal_height", "orthometric_height") if frame[name].count()]
     columns = [name for name in own if name != "height"] + heights + ["seast", "snorth", "sup"]
     short_names = {"ellipsoidal_height": "h", "orthometric_height": "H", "seast": "sE", "snorth": "sN", "sup": "sU"}
-    units = [angle if name in estimates.ANGULAR else unit for name in columns]
-    headers = ["point", *(f"{short_names.get(n, n)} [{of}]" for n, of in zip(columns, units, strict=True))]
+    units = {name: angle if name in estimates.ANGULAR else unit for name in columns}
+    headers = ["point", *(f"{short_names.get(name, name)} [{units[name]}]" for name in columns)]
     # Decimals of latitudes and longitudes: a tenth of a millimetre.
     digits = [
         {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in estimates.ANGULAR else d
