@@ -395,7 +395,7 @@ class Network:
     unoriented: frozenset[str]
     """Stations at which no direction was observed."""
     tables: Mapping[str, tuple[tuple[str, int], ...]]
-    """Tables of points, images, pairs, systems in their order, with the number of things of each; "" is none."""
+    """Tables of points, images and all else in their order, with the number of things of each; "" is none."""
     station_tables: Mapping[str, str]
     """Table of each declared station and of its sets."""
     station_levels: Mapping[str, str]

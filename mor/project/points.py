@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import polars as pl
@@ -15,7 +15,7 @@ from mor.model.geodetic import DEFLECTIONS, GEOID, control, earth_types, project
 from mor.model.parameters import POINT, ROTATION
 from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.axes import Edge, UnitError, external
-from mor.project.entities import Reading, entities, table_label
+from mor.project.entities import Reading, entities, set_name, table_label
 from mor.project.reference_system import (
     EarthModel,
     GridError,
@@ -251,6 +251,43 @@ def check_unique(what: str, names: list[str], rows: Rows, seen: list[NameColumn]
         again |= here.is_in(table.names.implode()).to_numpy()
     seen.append(NameColumn(here, rows))
     rows.tell_where(again, lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})")
+
+
+Blocks = Mapping[str, IntArray]
+"""Blocks (n,) of the rows of a table, by part."""
+
+
+def read_named(
+    reading: Reading,
+    space: str,
+    parts: Sequence[str],
+    columns: list[Column],
+    read: Callable[[Reading, Any, Rows, list[str]], Blocks | None],
+) -> None:
+    """Read all tables of a section (``images`` of the namespace ``image``): its things with the blocks of their parts.
+
+    ``read`` returns the blocks of the rows of one table, by their names; ``None`` if it told mistakes instead.
+    """
+    section = f"{space}s"
+    reading.shop.things[space] = entities((), {part: np.zeros(0, dtype=np.int64) for part in parts})
+    seen: list[NameColumn] = []
+    for k, table in enumerate(getattr(reading.project, section)):
+        reading.begin(section, k, table)
+        rows = read_table(table, columns, reading.at(section, k))
+        reading.watch(table.file)
+        if rows is None:
+            continue
+        names = rows.text("id")
+        if "set" in rows.texts:
+            names = [set_name(*pair) for pair in zip(names, rows.text("set"), strict=True)]
+        check_unique(space, names, rows, seen)
+        reading.table_ids[section, k] = names
+        found = read(reading, table, rows, names)
+        if found is not None:
+            known = reading.shop.things[space]
+            blocks = {part: np.concatenate([known.parts[part], found[part]]) for part in parts}
+            reading.shop.things[space] = entities((*known.ids, *names), blocks)
+            reading.end(space, len(names))
 
 
 def _first(seen: list[NameColumn], name: str) -> str:
@@ -625,23 +662,7 @@ def read_points(reading: Reading) -> None:
         reading.shop.things["point"] = entities((), {"position": nothing, "height": nothing})
         read_world(reading)
         return
-    ids: list[str] = []
-    numbers: list[IntArray] = []
-    seen: list[NameColumn] = []
-    for k, table in enumerate(reading.project.points):
-        reading.begin("points", k, table)
-        found = _read_points_table(reading, table, reading.at("points", k), seen)
-        reading.watch(table.file)
-        if found is None:
-            continue
-        names, blocks = found
-        ids += names
-        reading.end("point", len(names))
-        numbers.append(blocks)
-        if table.group:
-            reading.groups.setdefault(table.group, []).extend(blocks.tolist())
-    position = np.concatenate(numbers) if numbers else np.zeros(0, dtype=np.int64)
-    reading.shop.things["point"] = entities(ids, {"position": position, "height": np.zeros_like(position)})
+    read_named(reading, "point", ("position", "height"), point_columns(reading), _points_of_table)
 
 
 def point_columns(reading: Reading) -> list[Column]:
@@ -650,17 +671,12 @@ def point_columns(reading: Reading) -> list[Column]:
     return [*columns, number_column("sigma", LENGTH, reading.edge)]
 
 
-def _read_points_table(
-    reading: Reading, table: Points, place: TableLocation, seen: list[NameColumn]
-) -> tuple[list[str], IntArray] | None:
-    rows = read_table(table, point_columns(reading), place)
-    if rows is None:
-        return None
-    names = rows.text("id")
-    check_unique("point", names, rows, seen)
+def _points_of_table(reading: Reading, table: Points, rows: Rows, names: list[str]) -> Blocks:
     statuses = component_rows(rows, POINT.components, table.fixed, rows.number("sigma"))
-    statuses = in_dimensions(statuses, reading)
-    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
+    blocks = reading.shop.store("point").add(names, *inwards(reading.edge, in_dimensions(statuses, reading)))
+    if table.group:
+        reading.groups.setdefault(table.group, []).extend(blocks.tolist())
+    return {"position": blocks, "height": np.zeros_like(blocks)}
 
 
 def add_free_points(reading: Reading, names: Sequence[str]) -> None:

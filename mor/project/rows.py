@@ -15,7 +15,7 @@ from mor.model.contract import POSITIONS, Names, ObservationGroup, ObservationTy
 from mor.model.observation_types import PLAIN_TYPES
 from mor.model.rotations import rotation_from_angles, tangent_of_angles
 from mor.project.axes import Edge, UnitError
-from mor.project.entities import Reading, entities, unknown_name
+from mor.project.entities import Reading, entities, set_name, unknown_name
 from mor.project.points import add_free_points
 from mor.project.schema import Observations
 from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column
@@ -23,11 +23,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, NUMBER
 
 # ---- Orientations of theodolite stations: sets of their own, and stations at which no direction was observed.
-
-
-def set_name(station: str, set_: str) -> str:
-    """Name of a set of directions; a station without sets is its own."""
-    return f"{station}/{set_}" if set_ else station
 
 
 def freedom_of_set(reading: Reading, station: str) -> BoolArray:
