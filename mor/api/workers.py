@@ -134,13 +134,6 @@ def done_alone(function: Function, number: int, task: Task, folder: Path, most_s
     return Done(number, None, _said_death(code), seconds) if code < 0 else Done(number, code, "", seconds)
 
 
-def _alone() -> None:
-    """Body of a process of :func:`done_alone`: reads a task from standard input, and ends when that is closed."""
-    function, arguments = pickle.load(sys.stdin.buffer)
-    Thread(target=_end_with_the_other, daemon=True).start()
-    sys.exit(function(*arguments))
-
-
 def _end_with_the_other() -> None:
     os.read(0, 1)
     os._exit(1)
@@ -188,4 +181,6 @@ def _serve(connection: Connection[Any, Any], function: Function) -> None:
 
 
 if __name__ == "__main__":
-    _alone()
+    function, arguments = pickle.load(sys.stdin.buffer)
+    Thread(target=_end_with_the_other, daemon=True).start()
+    sys.exit(function(*arguments))

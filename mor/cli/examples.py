@@ -70,7 +70,10 @@ def copy_sample(name: str, target: Path) -> None:
     ignored = ("__pycache__", "expected.json", "*.results")
     sample = known[name]
     with named(target):
-        if _is_copy(target, sample, ignored):
+        import filecmp
+
+        wanted = _names(sample, ignored)
+        if filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted:
             return
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             words = "this exists and is not an empty folder; choose another one with -o"
@@ -78,13 +81,6 @@ def copy_sample(name: str, target: Path) -> None:
         write_files(
             {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)}, False, makes_folders=True
         )
-
-
-def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
-    import filecmp
-
-    wanted = _names(sample, ignored)
-    return filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted
 
 
 def _names(sample: Path, ignored: Sequence[str]) -> list[str]:

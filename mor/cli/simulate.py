@@ -26,8 +26,6 @@ from mor.cli.options import (
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mor.api.simulation import Chunk, Prepared, SimulationTask, Worked
     from mor.input_files import ReadFile
     from mor.plan.simulation import Systematic, Wishes
@@ -137,7 +135,14 @@ def command(
     systematic = (*_systematic(offsets, False), *_systematic(scales, True))
     wishes = Wishes(gross, size, drop, systematic)
     if runs is not None:
-        _refuse_with_runs(gross, drop, systematic, noise_free)
+        from mor.errors import InputError, Message
+
+        given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
+        problems = [
+            Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
+        ]
+        if problems:
+            raise InputError(problems)
         trial = SimulationTask(project, source_format or "", seed, starts)
         return _many(trial, output, force, runs, jobs_here(jobs, cluster), cluster, as_json, lang, quiet)
     from mor.errors import InputError, Message
@@ -165,16 +170,6 @@ def _one(
             tell_note(note)
         tell(f"simulated project in {folder}")
     return ExitCode.DONE
-
-
-def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic], noise_free: bool) -> None:
-    """Refuse options that plant errors in one simulated project together with ``--runs``."""
-    from mor.errors import InputError, Message
-
-    given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
-    problems = [Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v]
-    if problems:
-        raise InputError(problems)
 
 
 def _many(

@@ -494,7 +494,10 @@ def read_world(reading: Reading) -> None:
         of_projection = {type_.key: type_ for type_ in own if system.kind == "projected"}
         reading.types = {**earth_types(world.horizon), **of_projection}
         _add(reading, world, tables)
-        _note(reading, world)
+        place: TableLocation = reading.at("world")
+        given = any(np.isfinite(world.at_points[name]).any() for name in DEFLECTIONS)
+        verticals = "with the deflections given" if given else "without deflections"
+        reading.notes.append(place.problem(f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"))
 
 
 def _system(reading: Reading, section: WorldSection) -> ReferenceSystem | None:
@@ -643,13 +646,6 @@ def _control(
         lines=table.rows.lines[rows],
         file=table.rows.file,
     )
-
-
-def _note(reading: Reading, world: EarthModel) -> None:
-    place: TableLocation = reading.at("world")
-    given = any(np.isfinite(world.at_points[name]).any() for name in DEFLECTIONS)
-    verticals = "with the deflections given" if given else "without deflections"
-    reading.notes.append(place.problem(f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"))
 
 
 # ---- Object points of a project, and the checks that every named table shares.

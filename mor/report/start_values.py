@@ -435,7 +435,14 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
             _marks(axes, xyz[places[home[places] == number]][:, chosen], marker, 6, colour, "")
     for _, called, marker in spaces:
         _marks(axes, np.zeros((0, 2)), marker, 6, GREY, words(called))
-    _labels(network, axes, xyz, chosen)
+    named = [
+        (name, xyz[block][chosen])
+        for space in ("point", "image", "station")
+        for name, block in zip(network.things[space].ids, network.things[space].parts["position"], strict=True)
+    ]
+    for name, place in named if len(named) <= 40 else ():
+        if np.isfinite(place).all():
+            axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=5)
     missing = words("{count} without start values", count=len(approximation.missing))
     title = network.project.title or words("Network")
@@ -466,14 +473,3 @@ def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
 def _marks(axes: Axes, xy: FloatArray, marker: str, size: float, colour: str, label: str) -> None:
     if len(xy) or label:
         axes.plot(xy[:, 0], xy[:, 1], marker, color=colour, ms=size, ls="none", label=label or "_", zorder=3)
-
-
-def _labels(network: Network, axes: Axes, xyz: FloatArray, chosen: list[int]) -> None:
-    named = [
-        (name, xyz[block][chosen])
-        for space in ("point", "image", "station")
-        for name, block in zip(network.things[space].ids, network.things[space].parts["position"], strict=True)
-    ]
-    for name, place in named if len(named) <= 40 else ():
-        if np.isfinite(place).all():
-            axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)
