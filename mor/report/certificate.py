@@ -29,7 +29,7 @@ from mor.report.layout import (
     table,
     titled,
 )
-from mor.report.page import asset, environment, meaning, raised, running_heads
+from mor.report.page import meaning, raised, rendered
 from mor.report.page_data import image_points
 from mor.report.view import RadialCurve, View, radial_curve
 from mor.types import FloatArray
@@ -238,24 +238,20 @@ def _points(pairs: list[tuple[float, float]]) -> str:
 def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
     """One sheet of HTML that needs nothing else, no script either."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
-    return (
-        environment()
-        .get_template("certificate.html.j2")
-        .render(
-            title=title,
-            facts=[*_facts(one, words), *_validity(one, words)],
-            parameters=_parameters(one, words),
-            correlations=one.camera["correlations"],
-            distortion=_distortion(one),
-            expanded=_expanded(one),
-            small=one.small[0],
-            unit=one.unit,
-            drawing=curve_drawing(one, words),
-            identity=one.view.identity,
-            say=words,
-            style=Markup(asset("page.css") + asset("certificate.css")),
-            running=running_heads(title, one.view.identity, words),
-        )
+    return rendered(
+        "certificate.html.j2",
+        title,
+        one.view.identity,
+        words,
+        ("page.css", "certificate.css"),
+        facts=[*_facts(one, words), *_validity(one, words)],
+        parameters=_parameters(one, words),
+        correlations=one.camera["correlations"],
+        distortion=_distortion(one),
+        expanded=_expanded(one),
+        small=one.small[0],
+        unit=one.unit,
+        drawing=curve_drawing(one, words),
     )
 
 

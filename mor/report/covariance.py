@@ -18,7 +18,7 @@ from mor.project.entities import unknown_name
 from mor.quality.assessment import Quality, joint_cofactors, relative_ellipsoid
 from mor.quality.solution import Solved
 from mor.quality.test_statistics import coverage_probability
-from mor.report.units import angle_unit
+from mor.report.units import angle_unit, unit_of
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
@@ -187,13 +187,7 @@ def _labelled(solved: Solved, blocks: list[tuple[str, int]]) -> Labelled:
         for k, component in enumerate(block.kind.components):
             kept.append(bool((turn[k] != 0.0) @ (own >= 0)))
             labels.append(f"{kind} {block.ids[number]} {component.name}")
-            units.append(
-                component.quantity.unit(
-                    solved.network.project.units.length,
-                    angle_unit(solved),
-                    next((scale.unit for scale in solved.network.scales.values()), "mm"),
-                )
-            )
+            units.append(unit_of(solved, component.quantity))
         values.append(_values(solved, kind, number))
     keep = np.flatnonzero(kept)
     return Labelled(

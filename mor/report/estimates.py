@@ -35,6 +35,7 @@ from mor.report.units import (
     motion_columns,
     number_or_none,
     once,
+    picked,
     plain,
     points,
     rotations,
@@ -229,6 +230,17 @@ def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
     return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
 
 
+def free_rows(points: pl.DataFrame) -> pl.DataFrame:
+    """Rows of the table of points that have unknown coordinates."""
+    return points.filter(points["status"].is_in(["free", "partly fixed"]))
+
+
+def rms_sigma(points: pl.DataFrame) -> list[float | None]:
+    """Root mean squares of σ of x, y, z over the points with unknown coordinates; nothing where none has a σ."""
+    sigmas = [free_rows(points)[f"s{axis}"].cast(pl.Float64).drop_nulls().to_numpy() for axis in "xyz"]
+    return [float(np.sqrt(np.mean(sigma**2))) if len(sigma) else None for sigma in sigmas]
+
+
 def reference_table(solved: Solved) -> pl.DataFrame:
     """Coordinates that inner constraints refer to, whatever the datum: what another datum of the results needs."""
     things = solved.network.things["point"]
@@ -383,8 +395,7 @@ def variance_components(solved: Solved) -> dict[str, Any] | None:
     """Return the estimation of the variance components of the groups."""
     if solved.treatment is None:
         return None
-    found = solved.treatment.components
-    return {"method": found.method, "iterated": found.iterated, "settled": found.settled, "rounds": found.rounds}
+    return picked(solved.treatment.components, "method iterated settled rounds")
 
 
 def _largest(tests: Reliability, inside: BoolArray) -> float | None:
@@ -531,13 +542,7 @@ _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
 
 
 def _row(thing: UndeterminedObject) -> dict[str, Any]:
-    return {
-        "kind": thing.kind,
-        "id": thing.name,
-        "reason": thing.reason,
-        "treatment": thing.treatment,
-        "observations": thing.observations,
-    }
+    return {"kind": thing.kind, "id": thing.name, **picked(thing, "reason treatment observations")}
 
 
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.

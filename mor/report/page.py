@@ -46,9 +46,8 @@ from mor.report.page_data import (
     MOST_VECTORS,
     PageData,
     chart_library,
-    checked_coordinates,
     control_table,
-    deviations,
+    deviations_of_points,
     page_data,
     payload,
     rms,
@@ -639,17 +638,30 @@ def page(view: View, words: Words = ENGLISH) -> str:
     for number, charts in enumerate(cameras):
         figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
     covered = overlap_map(overlap(view, data.rays))
-    template = environment().get_template("page.html.j2")
-    return template.render(
+    return rendered(
+        "page.html.j2",
+        view.summary["title"] or words("Adjustment"),
+        view.identity,
+        words,
+        ("page.css", "epochs.css") if view.movements.height else ("page.css",),
         **_content(data),
         figures=figures,
         overlap=covered is not None,
         payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
-        style=Markup(asset("page.css") + (asset("epochs.css") if data.view.movements.height else "")),
-        running=running_heads(data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words),
         scripts=[Markup(asset(name)) for name in SCRIPTS],
     )
+
+
+def rendered(
+    template: str, title: str, identity: dict[str, Any], words: Words, styles: Sequence[str], **content: Any
+) -> str:
+    """Return a page made from a template, with its title, running heads and style sheets."""
+    content |= {"title": title, "identity": identity, "say": words, "running": running_heads(title, identity, words)}
+    templates, style = environment(), Markup("".join(map(asset, styles)))
+    if template == "failure.html.j2":  # its numbers are written as in the text report
+        templates.filters |= {"short": short, "fixed": fixed}
+    return templates.get_template(template).render(style=style, **content)
 
 
 def environment() -> Environment:
@@ -709,9 +721,7 @@ def _content(data: PageData) -> dict[str, Any]:
     sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
     unit, factor = small_unit(view.length, max(sizes, default=1.0))
     return {
-        "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
-        "identity": view.identity,
         **listed_notes(view.notes, data.words),
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
@@ -723,14 +733,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "gross": view.gross_errors,
         "relative": view.relative,
         "checks": view.checks,
-        "deviations": [
-            (kind, rows)
-            for kind, rows in (
-                ("control points", deviations(control)),
-                ("check points", deviations(checked_coordinates(view))),
-            )
-            if rows
-        ],
+        "deviations": deviations_of_points(view),
         "control": control[:MOST_LISTED].to_dicts(),
         "control_left": max(0, control.height - MOST_LISTED),
         "counts": {
@@ -750,7 +753,6 @@ def _content(data: PageData) -> dict[str, Any]:
         "datum": data.datum,
         "moved_points": _moved_points(data),
         "movements": [data.words(name) for name in view.summary["movements"]],
-        "say": data.words,
         "language": data.words.language,
         "movement_unit": unit,
         "movement_factor": factor,
@@ -831,22 +833,19 @@ def failure_page(
 
     ``notes`` are those of :func:`mor.report.identity.note_rows`.
     """
-    templates = environment()
-    templates.filters |= {"short": short, "fixed": fixed}
     data = summary(solved)
-    content: dict[str, Any] = {
-        "title": data["title"] or words("Adjustment"),
-        "summary": data,
-        "identity": identity,
+    return rendered(
+        "failure.html.j2",
+        data["title"] or words("Adjustment"),
+        identity,
+        words,
+        ("page.css",),
         **listed_notes(notes, words),
-        "persons": persons(identity, words),
-        "verdict": verdict(solved, words),
-        "explained": undetermined_section(solved, words).splitlines()[2:],
-        "things": data["undeterminable"][:SHOWN],
-        "more": max(0, len(data["undeterminable"]) - SHOWN),
-        "failure": failure(solved) or {},
-        "say": words,
-        "running": running_heads(data["title"] or words("Adjustment"), identity, words),
-        "style": Markup(files("mor.report").joinpath("assets", "page.css").read_text(encoding="utf-8")),
-    }
-    return templates.get_template("failure.html.j2").render(**content)
+        summary=data,
+        persons=persons(identity, words),
+        verdict=verdict(solved, words),
+        explained=undetermined_section(solved, words).splitlines()[2:],
+        things=data["undeterminable"][:SHOWN],
+        more=max(0, len(data["undeterminable"]) - SHOWN),
+        failure=failure(solved) or {},
+    )

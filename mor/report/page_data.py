@@ -194,6 +194,12 @@ def checked_coordinates(view: View) -> pl.DataFrame:
     return rows.select(name.str.strip_prefix("point ").alias("point"), "component", "unit", "v")
 
 
+def deviations_of_points(view: View) -> list[tuple[str, list[dict[str, Any]]]]:
+    """Deviations of control points and of check points, where there are such points."""
+    kinds = {"control points": control_table(view), "check points": checked_coordinates(view)}
+    return [(kind, found) for kind, rows in kinds.items() if (found := deviations(rows))]
+
+
 def rms(values: FloatArray) -> float | None:
     """Root mean square of what is there."""
     there = values[np.isfinite(values)]

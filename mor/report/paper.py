@@ -14,7 +14,7 @@ from mor.errors import InputError, Message, escaped, shortened
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, cells, in_words, persons, probability, sigma_decimals, small_unit
 from mor.report.page import agreement, cameras_of_page, determination, judgements, sigma_words
-from mor.report.page_data import PageData, checked_coordinates, control_table, deviations, page_data
+from mor.report.page_data import PageData, control_table, deviations_of_points, page_data
 from mor.report.plots import ellipses, spell_out, style
 from mor.report.verdict import said_conventions, uncontrolled_in_words
 from mor.report.view import View
@@ -122,9 +122,7 @@ class Writer:
             if sum(least) <= room or size <= 5.0:
                 break
             size -= 0.25
-        spare, wanted = room - sum(least), sum(whole) - sum(least)
-        share = 1.0 if wanted <= spare else max(spare, 0.0) / wanted
-        widths = [low + share * (high - low) for low, high in zip(least, whole, strict=True)]
+        widths = _shared(whole, least, room)
         cells: list[list[Any]] = []
         for number, line in enumerate(lines):
             font = "mor-Bold" if number == 0 or number - 1 in bold else "mor"
@@ -293,6 +291,12 @@ def _extents(
         for line in lines
     ]
     return whole, words
+
+
+def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list[float]:
+    spare, wanted = room - sum(least), sum(whole) - sum(least)
+    share = 1.0 if wanted <= spare else max(spare, 0.0) / wanted
+    return [low + share * (high - low) for low, high in zip(least, whole, strict=True)]
 
 
 # ---- The sections of the report.
@@ -465,14 +469,7 @@ def _cameras(to: Writer, data: PageData) -> None:
 
 def _control(to: Writer, data: PageData) -> None:
     say, view, control = data.words, data.view, control_table(data.view)
-    parts = [
-        (kind, row)
-        for kind, rows in (
-            ("control points", deviations(control)),
-            ("check points", deviations(checked_coordinates(view))),
-        )
-        for row in rows
-    ]
+    parts = [(kind, row) for kind, rows in deviations_of_points(view) for row in rows]
     if not (parts or control.height or view.checks):
         return
     to.heading(say("Control and checks"))

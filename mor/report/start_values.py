@@ -16,7 +16,7 @@ from mor.report.layout import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, heading, s
 from mor.report.orientation import numbers
 from mor.report.page_data import drawn_axes
 from mor.report.plots import sheet
-from mor.report.units import number_or_none
+from mor.report.units import angle_unit_of, number_or_none
 from mor.solve.inverse import Local, local_precision
 from mor.solve.problem import Problem
 from mor.start.part import Approximation, Join, Phrase, rule
@@ -148,7 +148,7 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
     if status in ("found", "replaced"):
         how = approximation.how.get(f"{space} {name}") or _BY_DEFAULT.get(space, _BY_DEFAULT["system"])
     factor = np.fmax(local.misfit[number], 1.0)
-    per_unit = ANGLE_UNITS[_angle(network)] if kind == "rotation" else 1.0
+    per_unit = ANGLE_UNITS[angle_unit_of(network.project)] if kind == "rotation" else 1.0
     sigma = factor * local.sigma[number] / per_unit
     if kind == "rotation":
         sigma = np.array([np.nan if np.isnan(sigma).all() else np.nanmax(sigma)])
@@ -180,19 +180,14 @@ def _changed_names(network: Network, kind: str, number: int, changed: BoolArray)
     return tuple(np.array(KINDS[kind].names)[changed].tolist())
 
 
-def _angle(network: Network) -> str:
-    unit = network.project.units.angle
-    return "deg" if unit == "dms" else unit
-
-
 def _outwards(
     network: Network, kind: str, number: int, value: FloatArray
 ) -> tuple[tuple[str, ...], FloatArray, tuple[str, ...]]:
     edge, names = network.edge, KINDS[kind].names
     if kind == "rotation":
         turned = value @ edge.matrix if edge.right_handed else value
-        angles = angles_from_rotation(turned[None])[0] / ANGLE_UNITS[_angle(network)]
-        return names, angles, (_angle(network),) * 3
+        angles = angles_from_rotation(turned[None])[0] / ANGLE_UNITS[angle_unit_of(network.project)]
+        return names, angles, (angle_unit_of(network.project),) * 3
     if kind == "point":
         value = in_project_axes(network, value[None])[0]
     scale = network.scales.get(network.blocks[kind].ids[number].removeprefix("camera "))

@@ -18,7 +18,7 @@ from mor.report.estimates import undeterminable_rows
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
 from mor.report.observations import AssessedGroups, table_of
-from mor.report.units import angle_unit, angle_unit_of, number_or_none
+from mor.report.units import angle_unit, angle_unit_of, number_or_none, picked, unit_of
 from mor.solve.datum import BY_CURVATURE
 from mor.units import ANGLE_UNITS
 
@@ -58,15 +58,7 @@ def summary(solved: Solved) -> dict[str, Any]:
         "undeterminable": undeterminable_rows(solved),
         "datum": adjustment.problem.datum.name,
         **statistics(solved),
-        "iteration_log": [
-            {
-                "number": step.number,
-                "objective": step.objective,
-                "largest_change": step.largest_change,
-                "damping": step.damping,
-            }
-            for step in adjustment.iterations
-        ],
+        "iteration_log": [picked(step, "number objective largest_change damping") for step in adjustment.iterations],
     }
 
 
@@ -77,7 +69,6 @@ def statistics(solved: Solved) -> dict[str, Any]:
         return dict.fromkeys(("redundancy", "redundancy_sum", "sigma0", "global_test", "flagged"))
     apriori = solved.network.project.settings.sigma0
     aposteriori = apriori * quality.sigma0
-    test = quality.global_test
     return {
         "redundancy": quality.redundancy,
         "redundancy_sum": quality.redundancy_sum,
@@ -88,13 +79,7 @@ def statistics(solved: Solved) -> dict[str, Any]:
             "ratio_of_sigmas": quality.sigma0 if quality.redundancy > 0 else None,
             "used_for_sigma": apriori * quality.sigma_factor,
         },
-        "global_test": {
-            "statistic": test.statistic,
-            "lower": test.lower,
-            "upper": test.upper,
-            "level": test.level,
-            "accepted": test.accepted,
-        },
+        "global_test": picked(quality.global_test, "statistic lower upper level accepted"),
         "hardly_determined": weakness(solved),
         "critical_w": quality.critical,
         "snooping_level": quality.levels.snooping,
@@ -110,12 +95,10 @@ def failure(solved: Solved) -> dict[str, Any] | None:
     """Return the unknowns that do not settle and the worst residuals of a failed adjustment."""
     if solved.quality is not None:
         return None
-    # Observations that are told where there is no solution.
-    worst = worst_misfits(solved, 100).to_dicts()
     return {
         "notice": "NOT A SOLUTION: all values are those of the last iteration",
         "moving": moving_rows(solved),
-        "worst": worst,
+        "worst": worst_misfits(solved, 100).to_dicts(),
     }
 
 
@@ -127,8 +110,7 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
     rows = []
     for (kind, block, component), steps, back in zip(found.unknowns, found.steps, found.to_and_fro, strict=True):
         quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
-        angle = angle_unit(solved)
-        factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
+        factor = ANGLE_UNITS[angle_unit(solved)] if quantity.angle == 1 else 1.0
         space, name = thing_of(kind, block)
         rows.append(
             {
@@ -136,11 +118,7 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
                 "of": space,
                 "id": name,
                 "component": component,
-                "unit": quantity.unit(
-                    solved.network.project.units.length,
-                    angle,
-                    next((scale.unit for scale in solved.network.scales.values()), "mm"),
-                ),
+                "unit": unit_of(solved, quantity),
                 "steps": [number_or_none(step / factor) for step in steps],
                 # Part of the way that was taken back from which on an unknown moves to and fro.
                 "way": ("wanted" if len(steps) == 1 else "to and fro" if float(back) > 0.5 else "away"),

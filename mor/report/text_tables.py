@@ -35,7 +35,7 @@ from mor.report.observations import (
     uncontrolled_residuals,
     worst_residuals,
 )
-from mor.report.units import angle_unit, angle_unit_of, other_rows
+from mor.report.units import angle_unit, angle_unit_of, other_rows, unit_of
 
 # ---- Interior orientations with σ and correlations.
 
@@ -268,14 +268,11 @@ def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
 
 def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each component."""
-    units = solved.network.project.units
-    image_unit = next((scale.unit for scale in solved.network.scales.values()), "mm")
     rows = []
     for other in other_rows(solved):
-        quantities = {c.name: c.quantity for c in KINDS[other["kind"]].components}
+        units = {c.name: unit_of(solved, c.quantity) for c in KINDS[other["kind"]].components}
         for name, component in other["components"].items():
-            unit = quantities[name].unit(units.length, angle_unit(solved), image_unit)
-            rows.append([other["kind"], other["id"], name, unit, *cells(component, "value:.9g sigma:.4g")])
+            rows.append([other["kind"], other["id"], name, units[name], *cells(component, "value:.9g sigma:.4g")])
     if not rows:
         return ""
     headers = ["kind", "block", "component", "unit", "value", "sigma"]
@@ -303,14 +300,10 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
     if frame.height > shown:
         lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
-    if solved.quality is not None:
-        free = frame.select("sx", "sy", "sz").filter(frame["status"].is_in(["free", "partly fixed"]))
-        if free.height:
-            rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
-            lines.append(
-                words("Root mean square sigma [{unit}]: ", unit=unit)
-                + ", ".join(f"{n.upper()} {words.number(fixed(value, d))}" for n, value in zip("xyz", rms, strict=True))
-            )
+    if solved.quality is not None and estimates.free_rows(frame).height:
+        rms = zip("XYZ", estimates.rms_sigma(frame), strict=True)
+        numbers = ", ".join(f"{name} {words.number(fixed(value, d))}" for name, value in rms)
+        lines.append(words("Root mean square sigma [{unit}]: ", unit=unit) + numbers)
     return "\n".join(lines)
 
 

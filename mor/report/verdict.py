@@ -30,7 +30,7 @@ from mor.quality.solution import LARGEST_SIGMA, Determination, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import cells, heading, in_words, short, table
 from mor.report.observations import place
-from mor.report.units import ends_of_group, once, reported_component, said_differences, said_one, said_sizes
+from mor.report.units import ends_of_group, once, picked, reported_component, said_differences, said_one, said_sizes
 
 # ---- External reliability as vectors: where an error that stays unseen moves each point.
 #
@@ -153,9 +153,7 @@ def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
 
 def _determined(found: Determination) -> dict[str, Any]:
     return {
-        "as_a_whole": found.as_a_whole,
-        "everywhere": found.everywhere,
-        "size": found.size,
+        **picked(found, "as_a_whole everywhere size"),
         "limit": LARGEST_SIGMA,
         "points": found.points,
         "largest_sigma": found.largest,
