@@ -464,26 +464,13 @@ class Result:
     def _table(self, frame: pl.DataFrame) -> Table:
         from mor.report.units import angle_unit
 
-        units: Mapping[str, str] = {
-            **dict.fromkeys(_LENGTHS, self._length),
-            **dict.fromkeys(_ANGLES, angle_unit(self.solved)),
-        }
+        units = dict.fromkeys(_LENGTHS, self._length) | dict.fromkeys(_ANGLES, angle_unit(self.solved))
         return Table(frame, {name: units[name] for name in frame.columns if name in units})
 
 
 _LENGTHS = (
-    "x",
-    "y",
-    "z",
-    "sx",
-    "sy",
-    "sz",
-    "height",
-    "ellipsoid_a",
-    "ellipsoid_b",
-    "ellipsoid_c",
-    "ellipse_a",
-    "ellipse_b",
+    *("x", "y", "z", "sx", "sy", "sz", "height"),
+    *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
 )
 _ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
 

@@ -24,6 +24,7 @@ from mor.quality.test_statistics import comparable
 from mor.report.estimates import bearings_of
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import frame_of, round_length
+from mor.report.observations import SHOWN as RESIDUALS
 from mor.report.view import (
     RayPairs,
     View,
@@ -466,24 +467,8 @@ MOST_ROWS = 50_000
 MOST_VECTORS = 60_000
 """Rays whose residual vectors the page draws."""
 POINT_COLUMNS = (
-    *(
-        "id",
-        "x",
-        "y",
-        "z",
-        "sx",
-        "sy",
-        "sz",
-        "ellipsoid_a",
-        "ellipsoid_b",
-        "ellipsoid_c",
-        "ellipse_a",
-        "ellipse_b",
-        "ellipse_azimuth",
-        "rxy",
-        "rxz",
-        "ryz",
-    ),
+    *("id", "x", "y", "z", "sx", "sy", "sz", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c"),
+    *("ellipse_a", "ellipse_b", "ellipse_azimuth", "rxy", "rxz", "ryz"),
     *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
 )
 IMAGE_COLUMNS = (
@@ -491,10 +476,6 @@ IMAGE_COLUMNS = (
     *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
 )
 STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
-RESIDUAL_COLUMNS = (
-    *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
-    *("r", "w", "error", "nabla", "external", "influence", "flag"),
-)
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
@@ -516,7 +497,7 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
         "relative": packer.table(relative_ellipses(view)),
         "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), _EXACT),
         "vectors": packer.table(vectors.drop("unit")),
-        "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
+        "residuals": packer.table(worst.select(name for name in RESIDUALS if name != "adjusted"), _EXACT),
     }
     return packer.text(head)
 

@@ -32,8 +32,8 @@ from mor.report.observations import (
     SCHEMA,
     SHOWN,
     TESTED,
-    AssessedGroups,
     AssessedRows,
+    assessed_pieces,
     check_rows,
     fixed_point_rows,
     gross_errors,
@@ -181,19 +181,18 @@ def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
 
 def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
-    tested = AssessedGroups(solved)
     names = (name for things in solved.network.things.values() for name in things.ids)
     unsafe = any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
 
     def csv(path: Path) -> None:
         with path.open("wb") as file:
             file.write((",".join(SCHEMA) + "\n").encode())
-            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows), unsafe)):
+            for height, text in _ahead(assessed_pieces(solved), lambda rows: _csv_lines(table_of(rows), unsafe)):
                 file.write(text)
                 done(height)
 
     def pieces() -> Iterator[pl.DataFrame]:
-        for piece in _ahead(tested.pieces(), table_of):
+        for piece in _ahead(assessed_pieces(solved), table_of):
             yield piece
             done(piece.height)
 

@@ -17,7 +17,7 @@ from mor.quality.solution import Solved
 from mor.report.estimates import undeterminable_rows
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
-from mor.report.observations import AssessedGroups, table_of
+from mor.report.observations import assessed_pieces, table_of
 from mor.report.units import angle_unit, angle_unit_of, number_or_none, picked, unit_of
 from mor.solve.datum import BY_CURVATURE
 from mor.units import ANGLE_UNITS
@@ -129,9 +129,8 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
 
 def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:
     """The observations with the largest |v|/σ at the last values, the worst first, with it as ``misfit``."""
-    tested, parts = AssessedGroups(solved), []
-    largest = np.zeros(0)
-    for rows in tested.pieces():
+    parts, largest = [], np.zeros(0)
+    for rows in assessed_pieces(solved):
         size = np.where(rows.group.left_out, 0.0, np.abs(rows.one.v) / rows.group.sigma)
         size = np.nan_to_num(size, nan=0.0, posinf=np.inf)
         largest = np.sort(np.concatenate([largest, size.max(axis=1)]))[-count:]
