@@ -325,9 +325,7 @@ def _reports(
         "results.json": lambda: to_json(results(solved, names, of, files)),
         "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),
     }
-    if solved.quality is None and choice.html:
-        reports["report.html"] = lambda: _failure_page(solved, of, choice.language)
-    if solved.quality is not None and choice.html:
+    if choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, of, file, choice.language)
     if choice.html and estimates.found_movements(solved) is not None:
@@ -428,23 +426,20 @@ def write_project(placed: Placed, document: Document, source: Path, place: Reser
 
 
 def _page(solved: Solved, of: RunIdentity, file: str, language: str) -> str:
-    from mor.report.page import page
+    from mor.report.page import failure_page, page
     from mor.report.view import view_of
 
-    return page(view_of(solved, observation_table(solved, SHOWN), file, of), words_of_page(language))
+    words = words_of_page(language)
+    if solved.quality is not None:
+        return page(view_of(solved, observation_table(solved, SHOWN), file, of), words)
+    notes = note_rows(solved.network.notes, of.folder)
+    return failure_page(solved, identity_of(solved.network.project, of), notes, words)
 
 
 def _page_of_movements(solved: Solved, of: RunIdentity, language: str) -> str:
     from mor.report.epochs import movements_page
 
     return movements_page(solved, of, words_of_page(language))
-
-
-def _failure_page(solved: Solved, of: RunIdentity, language: str) -> str:
-    from mor.report.page import failure_page
-
-    notes = note_rows(solved.network.notes, of.folder)
-    return failure_page(solved, identity_of(solved.network.project, of), notes, words_of_page(language))
 
 
 def _made(text: Future[str]) -> Writer:
