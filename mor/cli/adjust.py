@@ -23,7 +23,7 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode, InputError, Message, NoStartValuesError
+from mor.errors import MOST_TOLD, ExitCode, InputError, Message, NoStartValuesError
 
 if TYPE_CHECKING:
     from mor.cli.progress import Progress
@@ -266,7 +266,6 @@ def show(asked: Asked, solved: Solved, of: RunIdentity, said: str) -> None:
 @contextmanager
 def named_in_full(place: Reservation | None) -> Iterator[None]:
     """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
-    from mor.errors import MOST_TOLD
 
     try:
         yield

@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_option, tell
 from mor.cli.options import InputPath, coverage_option, output_option
+from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
     from mor.output_files import Content
@@ -67,7 +68,6 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message
     from mor.output_files import check_file, write_file
 
     if form is not None and admin is not None:
@@ -103,7 +103,6 @@ def _name(camera: str, form: str | None, suffix: str) -> str:
 
 def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     from mor.api.pipeline import read_document
-    from mor.errors import InputError, Message
     from mor.formats.calibration import write_calibration
 
     adjusted = results / "adjusted.yaml"
@@ -113,7 +112,6 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
 
 
 def _certified(results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str) -> Content:
-    from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
     from mor.report.language import words_of, words_of_page
     from mor.report.page import browser, print_page

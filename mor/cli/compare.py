@@ -12,7 +12,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath, OutputPath, kernels_option, quiet_option
-from mor.errors import ExitCode, InputError, Message
+from mor.errors import ExitCode, InputError, Message, nearest
 from mor.input_files import TABLE, read_text
 from mor.output_files import check_file, write_file
 
@@ -215,7 +215,6 @@ def _between(
 
 
 def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple[int, int]:
-    from mor.errors import nearest
     from mor.project.entities import decimal_year
 
     motion, numbers = solved.network.motion, []

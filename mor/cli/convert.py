@@ -10,9 +10,9 @@ import click
 
 from mor.cli.console import tell, tell_note
 from mor.cli.options import OutputPath, force_option, quiet_option
+from mor.errors import InputError, Message, counted
 
 if TYPE_CHECKING:
-    from mor.errors import Message
     from mor.project.document import Document
 
 _OWN = (".yaml", ".yml")
@@ -58,7 +58,6 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message
     from mor.formats import format_to_write
     from mor.input_files import note_input
     from mor.output_files import write_files
@@ -107,7 +106,6 @@ def _foreign_files(document: Document, source: Path, target: Path, key: str) -> 
 
 
 def _said(target: Path, files: Mapping[Path, bytes], key: str) -> str:
-    from mor.errors import counted
 
     if key:
         return f"{target}: {counted(len(files), 'file')}, {key}"

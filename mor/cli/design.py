@@ -17,7 +17,7 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode
+from mor.errors import ExitCode, screenful
 
 if TYPE_CHECKING:
     from mor.api.design import Design
@@ -100,7 +100,6 @@ def _options(rank: bool, greedy: int | None, source_format: str | None) -> tuple
 
 
 def _tell(design: Design, lang: str, folder: Path | None) -> None:
-    from mor.errors import screenful
     from mor.report.language import words_of_planning
 
     words = words_of_planning(lang)

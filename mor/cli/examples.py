@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import tell
 from mor.cli.options import output_option
+from mor.errors import InputError, Message, nearest
 
 
 @click.command(name="examples")
@@ -40,7 +41,6 @@ def command(name: str | None, output: Path | None) -> None:
 def sample_projects() -> list[Path]:
     """Folders of the sample projects: of the installed package, or of the source tree."""
     import mor
-    from mor.errors import InputError, Message
 
     package = Path(mor.__file__).parent
     for place in (package / "examples", package.parent / "sample_projects"):
@@ -60,7 +60,6 @@ def copy_sample(name: str, target: Path) -> None:
 
     Raises :class:`mor.errors.InputError`.
     """
-    from mor.errors import InputError, Message, nearest
     from mor.output_files import named, write_files
 
     known = {folder.name: folder for folder in sample_projects()}

@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath
+from mor.errors import ExitCode
 
 _CONSTANT = click.option(
     "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
@@ -80,7 +81,6 @@ def relative_command(
     """
     import numpy as np
 
-    from mor.errors import ExitCode
     from mor.model.rotations import rotation_from_angles
     from mor.report.language import words_of_orientation
     from mor.report.orientation import read_homologous, relative, relative_data, relative_text
@@ -145,7 +145,6 @@ def planar_command(
     \b
     Exit codes: 0 done; 2 input; 4 no solution.
     """
-    from mor.errors import ExitCode
     from mor.report.language import words_of_orientation
     from mor.report.orientation import ObjectSystem, planar, planar_data, planar_text, read_homologous
     from mor.report.output_folder import to_json

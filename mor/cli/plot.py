@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath, output_option
+from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -70,7 +71,6 @@ def command(kind: str, source: Path, output: Path, name: str | None, confidence:
 def view_of_source(source: Path) -> View:
     """The view of results on disk, or of a project adjusted here. Raises :class:`mor.errors.InputError`."""
     from mor.api.result import adjust
-    from mor.errors import InputError, Message
     from mor.report.observations import observation_table
     from mor.report.view import view_of, view_of_folder
 

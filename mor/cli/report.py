@@ -8,6 +8,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath, output_option
+from mor.errors import InputError, Message
 
 
 @click.command(name="report")
@@ -74,7 +75,6 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message
     from mor.input_files import note_input
     from mor.output_files import check_file, listed_files, write_file
     from mor.report.language import words_of, words_of_page

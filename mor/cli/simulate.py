@@ -23,7 +23,7 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode
+from mor.errors import ExitCode, InputError, Message, screenful
 
 if TYPE_CHECKING:
     from mor.api.simulation import Chunk, Prepared, SimulationTask, Worked
@@ -135,8 +135,6 @@ def command(
     systematic = (*_systematic(offsets, False), *_systematic(scales, True))
     wishes = Wishes(gross, size, drop, systematic)
     if runs is not None:
-        from mor.errors import InputError, Message
-
         given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
         problems = [
             Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
@@ -145,7 +143,6 @@ def command(
             raise InputError(problems)
         trial = SimulationTask(project, source_format or "", seed, starts)
         return _many(trial, output, force, runs, jobs_here(jobs, cluster), cluster, as_json, lang, quiet)
-    from mor.errors import InputError, Message
 
     if cluster is not None:
         raise InputError([Message("this goes with --runs, not with one simulated project", "--cluster")])
@@ -156,7 +153,6 @@ def _one(
     project: Path, output: Path | None, force: bool, form: str, seed: int, noise_free: bool, wishes: Wishes, quiet: bool
 ) -> int:
     from mor.api.simulation import USUAL_FILES, simulated
-    from mor.errors import screenful
     from mor.output_files import check_folder
     from mor.report.output_folder import folder_beside, reserve
 
@@ -242,7 +238,6 @@ _REPORTS = ("montecarlo.txt", "montecarlo.json")
 
 def _check_folder(folder: Path, force: bool) -> None:
     """A folder of earlier runs goes on; any other one that is not empty needs ``--force``."""
-    from mor.errors import InputError, Message
     from mor.output_files import check_folder, check_names
 
     runs = folder / "runs"
@@ -256,7 +251,6 @@ def _check_folder(folder: Path, force: bool) -> None:
 
 
 def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:
-    from mor.errors import InputError, Message
     from mor.plan.simulation import Systematic
 
     found, problems = [], []

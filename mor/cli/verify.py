@@ -8,6 +8,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import force_option, output_option, quiet_option
+from mor.errors import ExitCode
 
 FILES = ("verification.txt", "verification.html", "verification.json")
 
@@ -37,7 +38,6 @@ def command(output: Path | None, force: bool, as_json: bool, lang: str, quiet: b
     """
     from mor.api.verification import tasks, verify
     from mor.cli.progress import progress
-    from mor.errors import ExitCode
     from mor.output_files import check_folder, write_among
     from mor.report.language import words_of_planning
     from mor.report.output_folder import to_json
