@@ -52,9 +52,7 @@ class _Worker:
     begun: float = 0.0
 
 
-def run_tasks(
-    function: Function, tasks: Sequence[Task], jobs: int, most_seconds: float | None = None
-) -> Iterator[Done]:
+def run_tasks(function: Function, tasks: Sequence[Task], jobs: int, most_seconds: float | None) -> Iterator[Done]:
     """Do all tasks by so many processes; what is done comes in the order in which it ends."""
     context = multiprocessing.get_context("spawn")
     left = list(enumerate(tasks))[::-1]

@@ -118,7 +118,7 @@ format_option = click.option(
 """``--from`` of the commands that read one project."""
 
 
-def only_project(path: Path, source_format: str | None = None) -> Path:
+def only_project(path: Path, source_format: str | None) -> Path:
     """Return the only project file of a folder; any other path, and a folder in a foreign format, as it is.
 
     ``-`` is standard input, which is read here. Raises :class:`InputError` for a folder with several project files,

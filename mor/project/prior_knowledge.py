@@ -531,7 +531,7 @@ def upright(directions: FloatArray) -> FloatArray:
 
 
 def check_feasible(
-    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: Sequence[Message] = ()
+    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: Sequence[Message]
 ) -> None:
     """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates.
 

@@ -436,14 +436,6 @@ class Found(NamedTuple):
         return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
 
 
-def recognise(path: Path) -> list[Found]:
-    """Read a table and return what it holds, with height differences for levelling books.
-
-    Raises :class:`InputError` as :func:`read_tables` and :func:`levelled` do.
-    """
-    return levelled(read_tables(path))
-
-
 def read_tables(path: Path) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 

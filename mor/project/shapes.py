@@ -75,7 +75,7 @@ class FittedShape(NamedTuple):
     """(3,) radius, minor radius, semi-angle."""
 
 
-def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | None = None) -> FittedShape | None:
+def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | None) -> FittedShape | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
     Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature

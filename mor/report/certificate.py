@@ -12,7 +12,7 @@ from mor.errors import InputError, Message, nearest
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.parameters import INTERIORS
 from mor.report.figures import BESIDE
-from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.language import Words, datum_name
 from mor.report.layout import (
     aligned,
     correlation_table,
@@ -174,7 +174,7 @@ WIDTH, HEIGHT = 460, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 12, 24, 40
 
 
-def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
+def curve_drawing(one: Certificate, words: Words) -> Markup:
     """Radial distortion by radius with its 95 % band, and where the points end that it rests on."""
     unit, factor = one.small
     radius, shift = one.curve.radius, one.curve.shift * factor
@@ -235,7 +235,7 @@ def _points(pairs: list[tuple[float, float]]) -> str:
 # ---- The certificate of a camera as a page and as text.
 
 
-def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
+def certificate_page(one: Certificate, words: Words) -> str:
     """One sheet of HTML that needs nothing else, no script either."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
     return rendered(
@@ -255,7 +255,7 @@ def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
     )
 
 
-def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
+def certificate_text(one: Certificate, words: Words) -> str:
     """Return the certificate as text, at most 100 characters wide."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
     facts = [*_facts(one, words), *_validity(one, words)]

@@ -50,7 +50,7 @@ class Labelled(NamedTuple):
 
 
 def covariance_of_names(
-    solved: Solved, points: Sequence[str] = (), images: Sequence[str] = (), cameras: Sequence[str] | None = None
+    solved: Solved, points: Sequence[str], images: Sequence[str], cameras: Sequence[str] | None
 ) -> Labelled:
     """Return the joint covariance of coordinates of points, poses of images and interior orientations.
 
@@ -293,7 +293,7 @@ def with_expanded(
     return [*header, *(f"U{name}" for _, name, _ in of)], wider
 
 
-def write_covariance(path: Path, found: Labelled, factor: float | None = None) -> None:
+def write_covariance(path: Path, found: Labelled, factor: float | None) -> None:
     """Write a matrix in the format its suffix names, with U = k σ if a coverage factor is given.
 
     Raises :class:`InputError` for any other suffix.

@@ -418,7 +418,7 @@ WHAT = {
 
 
 def design_text(
-    solved: Solved, judged: Sequence[RequirementResult], words: Words, of: RunIdentity, more: Sequence[str] = ()
+    solved: Solved, judged: Sequence[RequirementResult], words: Words, of: RunIdentity, more: Sequence[str]
 ) -> str:
     """The report of a plan: the verdict on what is required first, ``more`` sections, then what can be expected."""
     about = identity_of(solved.network.project, of)
@@ -680,7 +680,6 @@ def design_page(
         more=more,
         requirements=[_requirement(one, solved, words) for one in judged],
         sighted=[{"name": s.name, "all": sum(s.counts), "counts": s.counts} for s in sighted],
-        reasons=REASONS,
         drawing=network_drawing(drawing, ends, words) if drawing else "",
         variants=variants_drawing(variants, network.project.units.length, words) if variants else "",
         units=units,

@@ -101,7 +101,7 @@ def comparison_page(
     table: pl.DataFrame,
     verdict: list[str],
     known: bool,
-    words: Words = ENGLISH,
+    words: Words,
 ) -> str:
     """Verdict, both epochs side by side, the drawing of movements, and the table, what has moved first.
 

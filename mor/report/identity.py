@@ -14,7 +14,7 @@ from mor import __version__
 from mor.errors import InputError, Message
 from mor.input_files import ReadFile
 from mor.project.schema import ProjectFile
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 
 # ---- Identity of a report: program, project, input files, options, and date of the newest file.
 
@@ -107,7 +107,7 @@ _FIRST = "Contents of this folder"
 _WIDTH = 100
 
 
-def readme(names: Collection[str], words: Words = ENGLISH) -> str:
+def readme(names: Collection[str], words: Words) -> str:
     """The text, about the files that are there."""
     title = words(_FIRST)
     lines = [title, "=" * len(title), "", words("Results of an adjustment by mor."), ""]

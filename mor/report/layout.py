@@ -177,7 +177,7 @@ def table(
     return drawn([words.header(header) for header in headers], rows, texts, margin)
 
 
-def correlation_table(names: Sequence[str], matrix: Sequence[Sequence[float]], words: Words = ENGLISH) -> str:
+def correlation_table(names: Sequence[str], matrix: Sequence[Sequence[float]], words: Words) -> str:
     """The lower triangle of a correlation matrix; names of components are the same in every language."""
     rows = [[name, *(words.number(fixed(x, 3)) for x in matrix[k][: k + 1])] for k, name in enumerate(names)]
     return drawn(["", *names], [[*row, *[""] * (len(names) + 1 - len(row))] for row in rows], {0}, 0)

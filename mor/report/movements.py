@@ -10,7 +10,7 @@ import polars as pl
 from markupsafe import Markup, escape
 from scipy.special import chdtri
 
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 from mor.report.layout import NO_MARKS, at_edge, frame_of, placed, round_length, small_unit, with_distances
 from mor.report.page_data import covariances, drawn_axes
 from mor.types import BoolArray, FloatArray, IntArray
@@ -75,7 +75,7 @@ def widest_view(places: FloatArray, right: int) -> tuple[int, int]:
     return (right if extent[right] >= extent[up] else up), 2
 
 
-def movement_drawing(found: PointMovements, words: Words = ENGLISH) -> Markup:
+def movement_drawing(found: PointMovements, words: Words) -> Markup:
     """Points, their movements and ellipses at one scale, with a bar for it; what has moved thick, with its name."""
     frame = frame_of(found.places)
     axes = widest_view(found.places if frame is None else np.array(frame), found.right)

@@ -94,7 +94,7 @@ _LONGEST = 600.0
 """Seconds a browser may take over the largest page."""
 
 
-def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) -> Markup:
+def running_heads(title: str, identity: dict[str, Any], words: Words) -> Markup:
     """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
     right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
     head = title if len(title) <= 70 else f"{title[:69]}…"
@@ -243,7 +243,7 @@ class Statement(NamedTuple):
 
     state: str
     title: str
-    words: str
+    words: str = ""
     link: str = ""
     """Section of the page, or table of it, that has more."""
 
@@ -328,51 +328,26 @@ def determination(data: PageData) -> Statement:
 
 
 def headline(data: PageData) -> Statement:
-    """One sentence: accepted or not."""
-    summary, say = data.view.summary, data.words
-    test, count = summary["global_test"], summary["iterations"]
-    if summary["redundancy"] == 0:
-        words = say(
-            "The adjustment converged after {count:iteration|iterations}, but the redundancy is 0: nothing is tested.",
-            count=count,
-        )
-        return Statement(BAD, say("Not controlled"), words)
-    shared = in_common(data.view.gross_errors.get("in_common", []), say)
-    left_out = sentences(data.view.suspects, say)
-    if left_out:
-        return Statement(BAD, say("Not accepted"), " ".join([*left_out, *shared]))
-    things = tuple(_thing(row) for row in summary.get("undeterminable", []))
-    gone = [*emptied(data.view.groups.to_dicts(), say), *_mostly_out(data), *sentences_of_things(things, say)]
-    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *gone])
-    contradicted = contradictions(data.view.verdict, say)
-    open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
-    whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])
-    flagged = " ".join([*open_, flagged])
-    if not test["accepted"]:
-        larger = test["statistic"] > test["upper"]
-        words = say(
-            "The adjustment converged after {count:iteration|iterations}, but the global test rejects it: "
-            "residuals are {size} than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
-            count=count,
-            size=say("larger") if larger else say("smaller"),
-            ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
-        )
-        words = " ".join([words, *contradicted, flagged])
-        return Statement(BAD if larger else DOUBT, say("Not accepted"), words)
-    words = say("The adjustment converged after {count:iteration|iterations}, the global test accepts it.", count=count)
-    if contradicted:
-        return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
-    if not whole:
-        return Statement(BAD, say("Not determined"), f"{words} {flagged}")
+    """Whether the adjustment is accepted: a state and a title."""
+    view, say = data.view, data.words
+    test, loose = view.summary["global_test"], view.summary.get("uncontrolled") or 0
+    open_ = ill_determined(view.verdict, view.length, say)
+    things = [row for row in view.summary.get("undeterminable", []) if row["treatment"]]
+    if view.summary["redundancy"] == 0:
+        return Statement(BAD, say("Not controlled"))
+    if view.suspects is None and test["statistic"] < test["lower"]:
+        return Statement(DOUBT, say("Not accepted"))
+    if view.suspects is not None or not test["accepted"] or contradictions(view.verdict, say):
+        return Statement(BAD, say("Not accepted"))
+    if open_ and not (view.verdict or {})["determined"]["as_a_whole"]:
+        return Statement(BAD, say("Not determined"))
     if open_:
-        return Statement(DOUBT, say("Accepted, but partly ill-determined"), f"{words} {flagged}")
-    loose = summary.get("uncontrolled") or 0
+        return Statement(DOUBT, say("Accepted, but partly ill-determined"))
     if loose:
-        title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)
-        return Statement(DOUBT, title, f"{words} {flagged}")
-    if summary["flagged"] or gone:
-        return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
-    return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+        return Statement(DOUBT, say("Accepted, {count:observation|observations} uncontrolled", count=loose))
+    if view.summary["flagged"] or emptied(view.groups.to_dicts(), say) or _mostly_out(data) or things:
+        return Statement(DOUBT, say("Accepted, with observations to look at"))
+    return Statement(GOOD, say("Accepted"))
 
 
 def _rests_on(data: PageData) -> list[Statement]:
@@ -826,9 +801,7 @@ SHOWN = 1000
 """Things that nothing determines that are listed."""
 
 
-def failure_page(
-    solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words = ENGLISH
-) -> str:
+def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words) -> str:
     """The page of an outcome that is no solution, in a language: HTML that needs nothing else.
 
     ``notes`` are those of :func:`mor.report.identity.note_rows`.

@@ -125,8 +125,6 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
         pl.col("r").mean().alias("mean_r"),
         pl.col("w").max().alias("largest_w"),
         pl.col("unit").first().alias("unit"),
-        pl.col("vx").mean().alias("mean_vx"),
-        pl.col("vy").mean().alias("mean_vy"),
     )
     coverage = _coverages(view, measured, areas)
     return view.images.join(
@@ -479,7 +477,7 @@ STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
-def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None = None) -> str:
+def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None) -> str:
     """Everything the page draws, packed; ``overlap`` is that of :func:`mor.report.figures.overlap_map`."""
     view, packer = data.view, Packer()
     worst = worst_first(view)

@@ -11,7 +11,7 @@ import polars as pl
 import yaml
 
 from mor.errors import InputError, Message, escaped, shortened
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 from mor.report.layout import DIGITS, cells, in_words, persons, probability, sigma_decimals, small_unit
 from mor.report.page import agreement, cameras_of_page, determination, judgements, sigma_words
 from mor.report.page_data import PageData, control_table, deviations_of_points, page_data
@@ -302,7 +302,7 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
 # ---- The sections of the report.
 
 
-def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH) -> Writer:
+def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words) -> Writer:
     """Return the report of results that stand in ``folder``. Raises :class:`InputError` for an unknown appendix."""
     found = {
         "residuals": view.residuals.height,
@@ -654,7 +654,7 @@ def _cells(row: dict[str, Any], columns: str) -> list[str]:
     return cells(row, columns, "–", "−")
 
 
-def text_on_paper(text: str, paper: str, words: Words = ENGLISH) -> Writer:
+def text_on_paper(text: str, paper: str, words: Words) -> Writer:
     """Return a text on sheets, as it stands; its first line is their head."""
     to = Writer(text.split("\n", 1)[0], paper, words)
     to.lines(text)

@@ -277,7 +277,7 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 
 
 def write_results(
-    solved: Solved, document: Document, of: RunIdentity, place: Reservation, choice: Choice | None = None
+    solved: Solved, document: Document, of: RunIdentity, place: Reservation, choice: Choice | None
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 

@@ -284,7 +284,7 @@ _EXPLAINED = (
 STATUSES = ("given", "found", "replaced", "missing")
 
 
-def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words = ENGLISH) -> str:
+def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words) -> str:
     """The report on start values."""
     all_given = words("All start values are given.") if all(row.status == "given" for row in rows) else ""
     lines = [

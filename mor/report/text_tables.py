@@ -40,7 +40,7 @@ from mor.report.units import angle_unit, angle_unit_of, other_rows, unit_of
 # ---- Interior orientations with σ and correlations.
 
 
-def camera_section(solved: Solved, words: Words = ENGLISH) -> str:
+def camera_section(solved: Solved, words: Words) -> str:
     """One part for each camera."""
     length = solved.network.project.units.length
     parts = [_camera(row, length, words) for row in estimates.interior_rows(solved)]
@@ -74,7 +74,7 @@ def _camera(row: dict[str, Any], length: str, words: Words) -> str:
 # ---- Check points and check distances.
 
 
-def check_section(solved: Solved, words: Words = ENGLISH) -> str:
+def check_section(solved: Solved, words: Words) -> str:
     """Deviations of what was kept out, by group and component."""
     checks, unit = check_rows(solved), solved.network.project.units.length
     rows = [cells(row, "group component unit count mean:.4g rms:.4g largest:.4g exceeding") for row in checks]
@@ -95,7 +95,7 @@ NEIGHBOURS = 2000
 """Points of which a full report pairs each with its nearest."""
 
 
-def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
+def ellipse_section(solved: Solved, words: Words) -> str:
     """One line for each point with unknowns: the ellipse in plan; in three dimensions also the ellipsoid."""
     dimensions = solved.network.project.settings.dimensions
     if len(estimates.free_points(solved)) == 0 or dimensions == "z":
@@ -154,7 +154,7 @@ def _explained(solved: Solved, words: Words) -> str:
 # ---- Planes, lines and right angles.
 
 
-def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
+def feature_section(solved: Solved, words: Words) -> str:
     """Two tables with one line for each feature, two for a right angle: place and direction, and their σ."""
     frame = estimates.feature_table(solved)
     if frame.height == 0 or solved.quality is None:
@@ -183,7 +183,7 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
 # ---- Observation groups with their estimated σ0.
 
 
-def group_section(solved: Solved, words: Words = ENGLISH) -> str:
+def group_section(solved: Solved, words: Words) -> str:
     """One line for each group."""
     if solved.quality is None:
         return ""
@@ -216,7 +216,7 @@ def components_in_words(
 # ---- Images: exterior orientation with σ, number of points, residuals.
 
 
-def image_section(solved: Solved, words: Words = ENGLISH) -> str:
+def image_section(solved: Solved, words: Words) -> str:
     """Two tables: positions and attitudes."""
     frame = estimates.image_table(solved)
     if frame.height == 0:
@@ -266,7 +266,7 @@ def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
 # ---- Instruments, heights, eccentricities and image-variant interiors that were estimated.
 
 
-def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
+def section_of_others(solved: Solved, words: Words) -> str:
     """One line for each component."""
     rows = []
     for other in other_rows(solved):
@@ -312,7 +312,7 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
 SHOWN_RESIDUALS = 40
 
 
-def residual_section(solved: Solved, words: Words = ENGLISH) -> str:
+def residual_section(solved: Solved, words: Words) -> str:
     """The observations with the largest |w|, and those that hardly anything controls."""
     if solved.quality is None:
         return ""
@@ -333,7 +333,7 @@ def residual_section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join(parts)
 
 
-def listed_residuals(solved: Solved, words: Words = ENGLISH) -> str:
+def listed_residuals(solved: Solved, words: Words) -> str:
     """All observations in the order of the input, those that were kept out among them."""
     if solved.quality is None:
         return ""
@@ -358,7 +358,7 @@ def rows_of(frame: pl.DataFrame, words: Words) -> str:
 # ---- Theodolite stations, local systems and stereo pairs.
 
 
-def station_section(solved: Solved, words: Words = ENGLISH) -> str:
+def station_section(solved: Solved, words: Words) -> str:
     """One table for each kind that occurs."""
     parts = []
     unit, angle = solved.network.project.units.length, angle_unit(solved)

@@ -327,7 +327,7 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     return section_of(verdict_rows(solved), words, shown)
 
 
-def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) -> str:
+def section_of(data: dict[str, Any] | None, words: Words, shown: int) -> str:
     """The same of a verdict as :func:`mor.report.verdict.verdict_rows` has it."""
     if data is None or not (data["tests"] or said_conventions(data, words)):
         return ""
