@@ -102,7 +102,7 @@ def requirement_row(judged: RequirementResult, solved: Solved) -> dict[str, Any]
         "limit": wanted.limit,
         "worst": number_or_none(judged.worst),
         "where": _where(judged, solved),
-        **picked(judged, "count failing met"),
+        **picked(judged, "count", "failing", "met"),
     }
     unit = solved.network.project.units.length if isinstance(wanted, RequiredPrecision) else "1"
     return {"what": "sigma" if isinstance(wanted, RequiredPrecision) else "reliability", **row, "unit": unit}

@@ -395,7 +395,7 @@ def variance_components(solved: Solved) -> dict[str, Any] | None:
     """Return the estimation of the variance components of the groups."""
     if solved.treatment is None:
         return None
-    return picked(solved.treatment.components, "method iterated settled rounds")
+    return picked(solved.treatment.components, "method", "iterated", "settled", "rounds")
 
 
 def _largest(tests: Reliability, inside: BoolArray) -> float | None:
@@ -542,7 +542,7 @@ _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
 
 
 def _row(thing: UndeterminedObject) -> dict[str, Any]:
-    return {"kind": thing.kind, "id": thing.name, **picked(thing, "reason treatment observations")}
+    return {"kind": thing.kind, "id": thing.name, **picked(thing, "reason", "treatment", "observations")}
 
 
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.

@@ -58,7 +58,9 @@ def summary(solved: Solved) -> dict[str, Any]:
         "undeterminable": undeterminable_rows(solved),
         "datum": adjustment.problem.datum.name,
         **statistics(solved),
-        "iteration_log": [picked(step, "number objective largest_change damping") for step in adjustment.iterations],
+        "iteration_log": [
+            picked(step, "number", "objective", "largest_change", "damping") for step in adjustment.iterations
+        ],
     }
 
 
@@ -79,7 +81,7 @@ def statistics(solved: Solved) -> dict[str, Any]:
             "ratio_of_sigmas": quality.sigma0 if quality.redundancy > 0 else None,
             "used_for_sigma": apriori * quality.sigma_factor,
         },
-        "global_test": picked(quality.global_test, "statistic lower upper level accepted"),
+        "global_test": picked(quality.global_test, "statistic", "lower", "upper", "level", "accepted"),
         "hardly_determined": weakness(solved),
         "critical_w": quality.critical,
         "snooping_level": quality.levels.snooping,

@@ -48,9 +48,9 @@ def unit_of(solved: Solved, quantity: Quantity) -> str:
     return quantity.unit(solved.network.project.units.length, angle_unit(solved), image)
 
 
-def picked(record: object, names: str) -> dict[str, Any]:
-    """Attributes of a record by their names, which blanks separate."""
-    return {name: getattr(record, name) for name in names.split()}
+def picked(record: object, *names: str) -> dict[str, Any]:
+    """Attributes of a record by their names."""
+    return {name: getattr(record, name) for name in names}
 
 
 def plain(solved: Solved, kind: str, numbers: IntArray) -> Estimate:

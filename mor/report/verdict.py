@@ -153,7 +153,7 @@ def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
 
 def _determined(found: Determination) -> dict[str, Any]:
     return {
-        **picked(found, "as_a_whole everywhere size"),
+        **picked(found, "as_a_whole", "everywhere", "size"),
         "limit": LARGEST_SIGMA,
         "points": found.points,
         "largest_sigma": found.largest,
