@@ -66,7 +66,7 @@ from mor.report.design import (
     write_design,
 )
 from mor.report.identity import RunIdentity
-from mor.report.language import Words, words_of_planning
+from mor.report.language import Words, words_of
 from mor.report.output_folder import Reservation, to_json
 from mor.report.results import table_writer
 from mor.types import BoolArray, IntArray
@@ -263,7 +263,7 @@ class Design(NamedTuple):
 
     def write(self, place: Reservation, of: RunIdentity, language: str) -> None:
         """Write all files of the plan into a folder."""
-        words = words_of_planning(language)
+        words = words_of(language, "planning")
         text = design_text(self.solved, self.judged, words, of, self._more(words))
         more: dict[str, Content] = {}
         if self.ranking is not None:

@@ -387,13 +387,13 @@ class Result:
         from mor.report.certificate import certificate, certificate_text
         from mor.report.digital_certificate import administration as read_administration
         from mor.report.digital_certificate import digital_certificate
-        from mor.report.language import words_of, words_of_page
+        from mor.report.language import words_of
 
         one = certificate(self._view, camera, coverage)
         if administration is None:
             return certificate_text(one, words_of(language))
         who = read_administration(read_yaml(read_text(Path(administration)), str(administration)))
-        return digital_certificate(one, who, words_of_page(language))
+        return digital_certificate(one, who, words_of(language, "page"))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``results.json`` as plain data."""

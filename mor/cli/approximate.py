@@ -114,12 +114,12 @@ def _report(
     network: Network, approximation: Approximation, as_json: bool, plot: Path | None, force: bool, lang: str
 ) -> None:
     from mor.api.pipeline import make_problem
-    from mor.report.language import words_of_start_values
+    from mor.report.language import words_of
     from mor.report.output_folder import to_json
     from mor.report.plots import save, style
     from mor.report.start_values import start_data, start_text, start_values
 
-    words = words_of_start_values(lang)
+    words = words_of(lang, "start values")
     rows = start_values(network, approximation, make_problem(network, approximation.start, approximation.start))
     text = start_text(approximation, rows, words)
     click.echo(to_json(start_data(network, approximation, rows)) if as_json else text, nl=False)

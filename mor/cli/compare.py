@@ -244,10 +244,10 @@ def _write_page(
     lang: str,
 ) -> None:
     from mor.report.epochs import comparison_page, epoch, moved, verdict
-    from mor.report.language import words_of_page
+    from mor.report.language import words_of
 
     both = epoch(results[0], solved[0]), epoch(results[1], solved[1])
-    words = words_of_page(lang)
+    words = words_of(lang, "page")
     said = verdict(found, level, known, words)
     write_file(page[0], comparison_page(both, moved(solved[0], found, table), table, said, known, words), page[1])
 

@@ -100,9 +100,9 @@ def _options(rank: bool, greedy: int | None, source_format: str | None) -> tuple
 
 
 def _tell(design: Design, lang: str, folder: Path | None) -> None:
-    from mor.report.language import words_of_planning
+    from mor.report.language import words_of
 
-    words = words_of_planning(lang)
+    words = words_of(lang, "planning")
     for note in screenful(design.notes, "mor check --all"):
         click.echo(words("note: {text}", text=note._replace(message=words.told(note.message))), err=True)
     click.echo(design.screen(words), err=True)

@@ -59,13 +59,13 @@ def command(kind: str, source: Path, output: Path, name: str | None, confidence:
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.output_files import check_file
-    from mor.report.language import words_of_page
+    from mor.report.language import words_of
     from mor.report.plots import check_picture, save, style
 
     check_picture(output)
     check_file(output, force)
     with style():
-        save(drawn(kind, view_of_source(source), name, words_of_page(lang), confidence), output, force)
+        save(drawn(kind, view_of_source(source), name, words_of(lang, "page"), confidence), output, force)
 
 
 def view_of_source(source: Path) -> View:

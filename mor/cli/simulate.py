@@ -186,11 +186,11 @@ def _many(
     from mor.output_files import write_among
     from mor.plan.simulation import findings
     from mor.report.identity import RunIdentity
-    from mor.report.language import words_of_planning
+    from mor.report.language import words_of
     from mor.report.output_folder import folder_beside, to_json
     from mor.report.simulation import finding_table, monte_carlo_data, monte_carlo_text, verdict
 
-    folder, words = output or folder_beside(trial.path, ".montecarlo"), words_of_planning(lang)
+    folder, words = output or folder_beside(trial.path, ".montecarlo"), words_of(lang, "planning")
     _check_folder(folder, force)
     with files_read() as files:
         ready = prepared(trial)

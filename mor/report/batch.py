@@ -7,15 +7,12 @@ from html import escape
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from mor import __version__
 from mor.errors import escaped
+from mor.report.identity import schema_of
 from mor.report.language import Words
 from mor.report.layout import cells, table
 
 # ---- The table of a batch, one row per project, as text and as plain data.
-
-SCHEMA = "mor-batch"
-SCHEMA_VERSION = 1
 
 
 class BatchRow(NamedTuple):
@@ -53,9 +50,7 @@ def batch_data(rows: Sequence[BatchRow]) -> dict[str, Any]:
         {**{key: value for key, value in row._asdict().items() if key != "seconds"}, "fails": row.fails} for row in rows
     ]
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "program": f"mor {__version__}",
+        **schema_of("mor-batch", 1),
         "count": len(rows),
         "failed": sum(row.fails for row in rows),
         "projects": projects,

@@ -29,6 +29,7 @@ from mor.report.layout import (
     table,
     titled,
 )
+from mor.report.movements import drawing
 from mor.report.page import meaning, raised, rendered
 from mor.report.page_data import image_points
 from mor.report.view import RadialCurve, View, radial_curve
@@ -198,10 +199,7 @@ def curve_drawing(one: Certificate, words: Words) -> Markup:
         _text(WIDTH - _RIGHT, HEIGHT - 6, words("distance from the principal point [{unit}]", unit=one.unit), "end"),
         _text(_LEFT - 30, _TOP - 10, words("distortion [{unit}]", unit=unit), "start"),
     ]
-    label = escape(words("Radial distortion, mean over all directions"))
-    return Markup(
-        f'<svg class="drawing" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
-    )
+    return drawing(parts, WIDTH, HEIGHT, words("Radial distortion, mean over all directions"))
 
 
 def _levels(low: float, high: float, level: object, words: Words) -> list[str]:

@@ -48,7 +48,7 @@ from mor.report.layout import (
     small_unit,
     table,
 )
-from mor.report.movements import DRAWING_WIDTH, MARGIN, fitted, labels, widest_view
+from mor.report.movements import DRAWING_WIDTH, MARGIN, drawing, fitted, labels, widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
 from mor.report.page import asset, rendered
@@ -213,11 +213,7 @@ def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[
     xy = on_paper(found.places)
     parts += labels(found.names, xy, np.flatnonzero(np.isfinite(xy).all(axis=1)), height, 7.2)
     parts.append(_scale_bar(found, height))
-    label = escape(words("The network as planned"))
-    return Markup(
-        f'<svg class="drawing" id="network" viewBox="0 0 {DRAWING_WIDTH} {height:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg>"
-    )
+    return drawing(parts, DRAWING_WIDTH, height, words("The network as planned"), name="network")
 
 
 def _drawn(found: NetworkDrawing, covariance: FloatArray) -> FloatArray:
@@ -277,11 +273,7 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
             )
             y += _BAR
         y += _GAP
-    label = escape(words("Variants"))
-    return Markup(
-        f'<svg class="drawing variants" viewBox="0 0 {DRAWING_WIDTH} {y:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg>"
-    )
+    return drawing(parts, DRAWING_WIDTH, y, words("Variants"), "drawing variants")
 
 
 # ---- The ranking of a plan as a table, and its first lines in words.
@@ -665,7 +657,7 @@ def design_page(
     headline, *more = verdict(solved, judged, words)
     quality, network = solved.quality, solved.network
     found = switching(quality, network.candidates) if quality is not None else None
-    drawing = _drawing(solved) if quality is not None else None
+    plan = _drawing(solved) if quality is not None else None
     units = [_unit_row(network, k, unit) for k, unit in enumerate(found.units)] if found else []
     ends = [(row["kind"], row["ends"]) for row in units] if found else _all_sights(network)
     good = quality is not None and all(one.met for one in judged)
@@ -680,12 +672,12 @@ def design_page(
         more=more,
         requirements=[_requirement(one, solved, words) for one in judged],
         sighted=[{"name": s.name, "all": sum(s.counts), "counts": s.counts} for s in sighted],
-        drawing=network_drawing(drawing, ends, words) if drawing else "",
+        drawing=network_drawing(plan, ends, words) if plan else "",
         variants=variants_drawing(variants, network.project.units.length, words) if variants else "",
         units=units,
         points=_point_rows(solved, words) if quality is not None else [],
         unit=network.project.units.length,
-        payload=Markup(_payload(found, drawing, judged, solved, words)) if found and drawing else "",
+        payload=Markup(_payload(found, plan, judged, solved, words)) if found and plan else "",
         limits={"unknowns": MOST_UNKNOWNS, "units": MOST_UNITS},
         script=Markup(asset("design.js")),
     )

@@ -31,11 +31,19 @@ class RunIdentity(NamedTuple):
     options: tuple[str, ...] = ()
 
 
+PROGRAM = f"mor {__version__}"
+
+
+def schema_of(name: str, version: int) -> dict[str, Any]:
+    """First keys of a JSON file: what it is, the version of its keys, and the program."""
+    return {"schema": name, "schema_version": version, "program": PROGRAM}
+
+
 def identity_of(project: ProjectFile, identity: RunIdentity) -> dict[str, Any]:
     """The identity of a report as plain data. Raises :class:`InputError` for a date that is none."""
     report = project.report
     return {
-        "program": f"mor {__version__}",
+        "program": PROGRAM,
         "project_version": project.mor,
         "measured": project.date,
         "operator": report.operator,

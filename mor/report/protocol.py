@@ -184,7 +184,6 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
 
 # ---- The protocol as plain data, and from these a text and a page, each on one sheet.
 
-SCHEMA, SCHEMA_VERSION = "mor-protocol", 1
 VDI, VDI_TITLE = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
 
 
@@ -214,8 +213,8 @@ def protocol(
             of_part = {"name": one.part.name, "freedom": one.part.freedom, "unit": PROCEDURES[standard].unit}
             parts.append(of_part | {key: value for key, value in one._asdict().items() if key != "part"})
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
+        "schema": "mor-protocol",
+        "schema_version": 1,
         "standard": standard,
         "title": title,
         "project": view.summary["title"],

@@ -27,7 +27,7 @@ from mor.report import estimates
 from mor.report.adjusted_project import Placed, adjusted_project, remarks
 from mor.report.estimates import image_table, point_table
 from mor.report.identity import FILE, RunIdentity, identity_of, may_write, note_rows, readme
-from mor.report.language import LANGUAGES, words_of, words_of_page
+from mor.report.language import LANGUAGES, words_of
 from mor.report.observations import (
     SCHEMA,
     SHOWN,
@@ -429,7 +429,7 @@ def _page(solved: Solved, of: RunIdentity, file: str, language: str) -> str:
     from mor.report.page import failure_page, page
     from mor.report.view import view_of
 
-    words = words_of_page(language)
+    words = words_of(language, "page")
     if solved.quality is not None:
         return page(view_of(solved, observation_table(solved, SHOWN), file, of), words)
     notes = note_rows(solved.network.notes, of.folder)
@@ -439,7 +439,7 @@ def _page(solved: Solved, of: RunIdentity, file: str, language: str) -> str:
 def _page_of_movements(solved: Solved, of: RunIdentity, language: str) -> str:
     from mor.report.epochs import movements_page
 
-    return movements_page(solved, of, words_of_page(language))
+    return movements_page(solved, of, words_of(language, "page"))
 
 
 def _made(text: Future[str]) -> Writer:

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor import __version__
 from mor.model.parameters import KINDS, index_unknowns
 from mor.project.entities import said_thing, thing_of
 from mor.project.network import Network
@@ -15,6 +14,7 @@ from mor.quality.reliability_map import uncontrolled_count
 from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
 from mor.report.estimates import undeterminable_rows
+from mor.report.identity import schema_of
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
 from mor.report.observations import assessed_pieces, table_of
@@ -33,9 +33,7 @@ def summary(solved: Solved) -> dict[str, Any]:
     project, adjustment = solved.network.project, solved.adjustment
     movements = [*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order]
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "program": f"mor {__version__}",
+        **schema_of(SCHEMA, SCHEMA_VERSION),
         "title": project.title,
         "units": {"length": project.units.length, "angle": angle_unit_of(project)},
         "axes": project.axes.model_dump(),
