@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
+from importlib.util import find_spec
+from io import StringIO
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -430,9 +432,21 @@ class Result:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        from mor.api.notebook import summary_and_network
+        """HTML for notebooks: the summary, and below it the network in plan if Matplotlib is installed."""
+        return f"<pre>{escape(str(self))}</pre>{self._network()}"
 
-        return summary_and_network(self.solved)
+    def _network(self) -> str:
+        if self.solved.quality is None or find_spec("matplotlib") is None:
+            return ""
+        from mor.report.observations import SHOWN, observation_table
+        from mor.report.plots import network, style
+        from mor.report.view import view_of
+
+        text = StringIO()
+        with style():
+            network(view_of(self.solved, observation_table(self.solved, SHOWN))).savefig(text, format="svg")
+        drawing = text.getvalue()
+        return drawing[drawing.index("<svg") :]
 
     @property
     def _identity(self) -> RunIdentity:
