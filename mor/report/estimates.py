@@ -146,22 +146,19 @@ def _covariances(solved: Solved, numbers: IntArray) -> FloatArray:
 
 
 def _in_plan(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
-    plan = error_ellipses(covariance)
-    return {
-        "a": plan.a,
-        "b": plan.b,
-        "azimuth": bearings(solved, plan.azimuth) % float(np.pi / ANGLE_UNITS[angle_unit(solved)]),
-    }
+    plan, unit = error_ellipses(covariance), angle_unit(solved)
+    azimuth = bearings_of(solved.network.edge, unit, plan.azimuth) % float(np.pi / ANGLE_UNITS[unit])
+    return {"a": plan.a, "b": plan.b, "azimuth": azimuth}
 
 
 def _in_space(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
     space = error_ellipsoids(covariance)
-    unit = ANGLE_UNITS[angle_unit(solved)]
+    edge, unit = solved.network.edge, angle_unit(solved)
     columns: dict[str, FloatArray] = {}
     for k in range(3):
         columns[f"axis{k + 1}"] = space.axes[:, k]
-        columns[f"azimuth{k + 1}"] = bearings(solved, space.azimuths[:, k])
-        columns[f"elevation{k + 1}"] = space.elevations[:, k] / unit
+        columns[f"azimuth{k + 1}"] = bearings_of(edge, unit, space.azimuths[:, k])
+        columns[f"elevation{k + 1}"] = space.elevations[:, k] / ANGLE_UNITS[unit]
     return columns
 
 
@@ -173,13 +170,8 @@ def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -
     return {f"ellipse_{name}": column for name, column in _in_plan(solved, M @ np.nan_to_num(covariance) @ M.T).items()}
 
 
-def bearings(solved: Solved, azimuth: FloatArray) -> FloatArray:
-    """Azimuths (radians, clockwise from north) as the project counts bearings, in its unit, within the circle."""
-    return bearings_of(solved.network.edge, angle_unit(solved), azimuth)
-
-
 def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
-    """The same by the axes of a project and a unit of angles."""
+    """Azimuths (radians, clockwise from north) as a project counts bearings, in its unit, within the circle."""
     size = ANGLE_UNITS[unit]
     return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / size % (2.0 * np.pi / size))
 

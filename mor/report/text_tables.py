@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 
 from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE
-from mor.project.axes import ImageScale
-from mor.project.schema import ProjectFile, Settings
+from mor.project.schema import Settings
 from mor.quality.precision import confidence_factor
 from mor.quality.solution import Solved
 from mor.report import estimates
@@ -101,23 +99,18 @@ def ellipse_section(solved: Solved, words: Words) -> str:
     if len(estimates.free_points(solved)) == 0 or dimensions == "z":
         return ""
     rows = estimates.ellipse_table(solved).to_dicts()
-    lines = [heading(words("Error ellipses")), _explained(solved, words), plan(rows, solved.network.project, words)]
+    length, angle = solved.network.project.units.length, angle_unit(solved)
+    d = DIGITS[length]
+    headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
+    plan = table(headers, [cells(row, f"id a:.{d}f b:.{d}f azimuth:.1f") for row in rows], words=words)
+    lines = [heading(words("Error ellipses")), _explained(solved, words), plan]
     if dimensions == "xyz":
-        length, angle = solved.network.project.units.length, angle_unit(solved)
         headers = ["point", "axis 1", "azimuth 1", "elevation 1", "axis 2", "azimuth 2", "elevation 2"]
         headers += ["axis 3", "azimuth 3", "elevation 3"]
-        numbers = " ".join(f"axis{k}:.{DIGITS[length]}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
+        numbers = " ".join(f"axis{k}:.{d}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
         units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
         lines += ["", f"{units}\n{table(headers, [cells(row, f'id {numbers}') for row in rows], words=words)}"]
     return "\n".join(lines)
-
-
-def plan(rows: Sequence[Mapping[str, Any]], project: ProjectFile, words: Words) -> str:
-    """The ellipses in plan of points: ``id``, ``a``, ``b`` and ``azimuth``."""
-    length, angle = project.units.length, angle_unit_of(project)
-    headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
-    d = DIGITS[length]
-    return table(headers, [cells(row, f"id a:.{d}f b:.{d}f azimuth:.1f") for row in rows], words=words)
 
 
 def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -> str:
@@ -217,50 +210,37 @@ def components_in_words(
 
 
 def image_section(solved: Solved, words: Words) -> str:
-    """Two tables: positions and attitudes."""
-    frame = estimates.image_table(solved)
+    """Tables of positions, of attitudes and of motions."""
+    frame, project = estimates.image_table(solved), solved.network.project
     if frame.height == 0:
         return ""
-    project, scales = solved.network.project, solved.network.scales
-    return "\n".join([heading(words("Images")), *listed(frame, project, scales, words)])
-
-
-def listed(frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, ImageScale], words: Words) -> list[str]:
-    """The rows of a table of images; ``scales`` are those of image coordinates, by camera."""
     unit, angle = project.units.length, angle_unit_of(project)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
-    units = {name: scale.coordinate_unit for name, scale in scales.items()}
+    units = {name: scale.coordinate_unit for name, scale in solved.network.scales.items()}
     rows, turns = frame.to_dicts(), ("omega", "phi", "kappa", "somega", "sphi", "skappa")
     place = " ".join(f"{name}:.{d}f" for name in ("x", "y", "z", "sx", "sy", "sz"))
     positions = [[*cells(row, f"id camera {place} points rms:.5f"), units[row["camera"]]] for row in rows]
     turned = " ".join(f"{name}:.{a}f" for name in turns)
     headers = ["image", "camera", *(f"{n} [{unit}]" for n in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0")), "points"]
-    return [
+    lines = [
+        heading(words("Images")),
         table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
         "",
         table(["image", *(f"{n} [{angle}]" for n in turns)], [cells(r, f"id {turned}") for r in rows], words=words),
-        *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
     ]
+    return "\n".join([*lines, *_motions(frame, unit, angle, words)])
 
 
-def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
-    names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
-    if names[0] not in frame.columns:
-        return ""
-    said = [(name, unit if name in IMAGE_VELOCITY.names else angle) for name in names]
-    rows = [
-        [row["id"], *(text for name in names for text in (fixed(row[name], 3), fixed(row[f"s{name}"], 3)))]
-        for row in frame.filter(pl.col(names[0]).is_not_null()).to_dicts()
-    ]
-    tables = [
-        table(
-            ["image", *(text for name, of in some for text in (f"{name} [{of}/s]", f"s{name}"))],
-            [[row[0], *row[1 + 2 * first : 7 + 2 * first]] for row in rows],
-            words=words,
-        )
-        for first, some in ((0, said[:3]), (3, said[3:]))
-    ]
-    return "\n\n".join(tables)
+def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> list[str]:
+    """Tables of velocity and rate of rotation of the images that move while they are read out."""
+    if IMAGE_VELOCITY.names[0] not in frame.columns:
+        return []
+    rows, lines = frame.filter(pl.col(IMAGE_VELOCITY.names[0]).is_not_null()).to_dicts(), []
+    for kind, of in ((IMAGE_VELOCITY, unit), (ROTATION_RATE, angle)):
+        headers = ["image", *(text for name in kind.names for text in (f"{name} [{of}/s]", f"s{name}"))]
+        numbers = " ".join(f"{name}:.3f s{name}:.3f" for name in kind.names)
+        lines += ["", table(headers, [cells(row, f"id {numbers}") for row in rows], words=words)]
+    return lines
 
 
 # ---- Instruments, heights, eccentricities and image-variant interiors that were estimated.
