@@ -258,8 +258,6 @@ def motions(
 # ---- Tables of knots with the adjusted values; those at a spacing are knots now, and images on trajectories have
 # times.
 
-_KEYS = ("interpolation", "gap", "constancy", "smoothness")
-
 
 def trajectory_tables(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """A table for each one of the project, with the keys it has there."""
@@ -276,7 +274,8 @@ def trajectory_tables(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]
     whole = pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
     result, first = [], 0
     for (name, count), table in zip(network.tables["knot"], network.project.trajectories, strict=True):
-        said = table.model_dump(include=set(_KEYS), exclude_defaults=True, exclude_none=True)
+        keys = {"interpolation", "gap", "constancy", "smoothness"}
+        said = table.model_dump(include=keys, exclude_defaults=True, exclude_none=True)
         result.append((whole[first : first + count], {**({"name": name} if name else {}), **said}))
         first += count
     return result
@@ -422,7 +421,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """The tables they came from; those that only observations name are levelled."""
     things, network = placed.network.things["station"], placed.network
     result = []
-    tables = [(network.station_tables.get(name, ""), network.station_levels.get(name, "fixed")) for name in things.ids]
+    tables = [network.station_tables.get(name, ("", "fixed")) for name in things.ids]
     for table in dict.fromkeys(tables):
         chosen = np.array([i for i, own in enumerate(tables) if own == table], dtype=np.int64)
         name, level = table
