@@ -123,11 +123,13 @@ def reopen(path: Path) -> Project:
 def solve(project: Project) -> Solved:
     """The solution of a project. Raises :class:`InputError` if there is none."""
     from mor.api.pipeline import solve_network
-    from mor.report.text_findings import undetermined_section as section
+    from mor.report.language import ENGLISH
+    from mor.report.text_findings import undetermined_section
 
     solved = solve_network(project.network)
     if solved.quality is None:
-        words = "\n".join(part for part in (solved.adjustment.reason, section(solved)) if part)
+        explained = undetermined_section(solved, ENGLISH)
+        words = "\n".join(part for part in (solved.adjustment.reason, explained) if part)
         raise InputError([Message(f"no solution: {words}", project.document.file)])
     return solved
 

@@ -279,8 +279,8 @@ def read_images(reading: Reading) -> None:
     """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
     leaders: list[tuple[int, str, str, Rows, int]] = []
     read_line_times(reading)
-    parts = ("position", "rotation", "height", "eccentricity", "interior", "model", "camera")
-    parts += ("relative rotation", "base", "image velocity", "rotation rate", "readout", TRAJECTORY)
+    parts = ["position", "rotation", "height", "eccentricity", "interior", "model", "camera"]
+    parts += ["relative rotation", "base", "image velocity", "rotation rate", "readout", TRAJECTORY]
     read_named(reading, "image", parts, image_columns(reading), partial(_images_of_table, leaders))
     _follow(reading, leaders)
     check_line_times(reading, reading.shop.things["image"].ids)
