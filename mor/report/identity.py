@@ -8,13 +8,15 @@ from collections.abc import Collection, Iterable
 from datetime import UTC, datetime
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mor import __version__
 from mor.errors import InputError, Message
 from mor.input_files import ReadFile
-from mor.project.schema import ProjectFile
 from mor.report.language import Words
+
+if TYPE_CHECKING:
+    from mor.project.schema import ProjectFile
 
 # ---- Identity of a report: program, project, input files, options, and date of the newest file.
 

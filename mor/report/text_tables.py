@@ -237,9 +237,9 @@ def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> list[s
         return []
     rows, lines = frame.filter(pl.col(IMAGE_VELOCITY.names[0]).is_not_null()).to_dicts(), []
     for kind, of in ((IMAGE_VELOCITY, unit), (ROTATION_RATE, angle)):
-        headers = ["image", *(text for name in kind.names for text in (f"{name} [{of}/s]", f"s{name}"))]
+        headings = [text for name in kind.names for text in (f"{name} [{of}/s]", f"s{name}")]
         numbers = " ".join(f"{name}:.3f s{name}:.3f" for name in kind.names)
-        lines += ["", table(headers, [cells(row, f"id {numbers}") for row in rows], words=words)]
+        lines += ["", table(["image", *headings], [cells(row, f"id {numbers}") for row in rows], words=words)]
     return lines
 
 
