@@ -9,7 +9,7 @@ import pytest
 
 from mor.errors import counted
 from mor.quality.singularity import english
-from mor.report.language import words_of, words_of_page
+from mor.report.language import words_of
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 ONE_OF_MANY = re.compile(
@@ -33,7 +33,7 @@ def test_places_of_sentences(count: int, said: str) -> None:
     key = "{count:observation is|observations are} flagged."
     assert english(key, count=count) == words_of("en")(key, count=count) == said
     german = "1 Beobachtung ist auffällig." if count == 1 else f"{count} Beobachtungen sind auffällig."
-    assert words_of_page("de")(key, count=count) == german
+    assert words_of("de", "page")(key, count=count) == german
 
 
 @pytest.mark.parametrize("language", ["en", "de"])

@@ -99,23 +99,12 @@ def _row(case: Case, done: Done, content: dict[str, Any] | None) -> BatchRow:
     status = _STATUS.get(ExitCode(done.code) if done.code in set(ExitCode) else ExitCode.INTERNAL, "")
     if content is None or not content["solution"]:
         return BatchRow(case.name, status or "no results", done.code, reason, done.seconds)
-    test, sigma0 = content["global_test"], content["sigma0"]
-    accepted = content["redundancy"] == 0 or test["accepted"]
+    accepted = content["redundancy"] == 0 or content["global_test"]["accepted"]
     status = "suspects left out" if content.get("suspects") and done.code else "" if accepted else "rejected"
     status = status or ("flagged" if content["flagged"] else "accepted")
-    return BatchRow(
-        case.name,
-        status,
-        done.code,
-        "",
-        done.seconds,
-        content["observations"],
-        content["unknowns"],
-        content["redundancy"],
-        sigma0["ratio_of_sigmas"],
-        content["flagged"],
-        content["uncontrolled"],
-    )
+    counts = {key: content[key] for key in ("observations", "unknowns", "redundancy", "flagged", "uncontrolled")}
+    sigma0 = content["sigma0"]["ratio_of_sigmas"]
+    return BatchRow(case.name, status, done.code, "", done.seconds, sigma0=sigma0, **counts)
 
 
 def _content(path: Path) -> dict[str, Any] | None:

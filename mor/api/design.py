@@ -66,7 +66,7 @@ from mor.report.design import (
     write_design,
 )
 from mor.report.identity import RunIdentity
-from mor.report.language import Words, words_of_planning
+from mor.report.language import Words, words_of
 from mor.report.output_folder import Reservation, to_json
 from mor.report.results import table_writer
 from mor.types import BoolArray, IntArray
@@ -136,8 +136,6 @@ def _of_large_block(solved: Solved, required: Sequence[Requirement], blocks: Int
 
 
 # ---- Variants of a plan: parts left out, other σ, another lens, candidates added.
-
-_SPACES = {"points": "point", "images": "image", "stations": "station"}
 
 
 def variant_network(document: Document, folder: Path, name: str, base: Network) -> Network:
@@ -215,7 +213,7 @@ def _without(network: Network, variant: Variant, at: str, problems: list[Message
     names = [group.name for group in network.groups]
     whole = set(chosen_names(wanted.groups, names, "group of observations", at, problems))
     lost: dict[str, set[str]] = {}
-    for key, space in _SPACES.items():
+    for key, space in {"points": "point", "images": "image", "stations": "station"}.items():
         things = network.things[space].ids
         lost[space] = {things[k] for k in chosen_names(getattr(wanted, key), things, space, at, problems)}
     lost["station"] |= {name for name, (station, _) in network.sets.items() if station in lost["station"]}
@@ -265,7 +263,7 @@ class Design(NamedTuple):
 
     def write(self, place: Reservation, of: RunIdentity, language: str) -> None:
         """Write all files of the plan into a folder."""
-        words = words_of_planning(language)
+        words = words_of(language, "planning")
         text = design_text(self.solved, self.judged, words, of, self._more(words))
         more: dict[str, Content] = {}
         if self.ranking is not None:

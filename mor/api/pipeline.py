@@ -63,11 +63,6 @@ from mor.types import BoolArray, FloatArray
 #
 # Start values are worked out where none are given; of several that are possible the adjustment decides.
 
-SETTLING = 40
-"""Iterations in which start values that are in doubt have to lead to a solution."""
-IMPATIENT = Patience(6, 1e-2, 1e-2)
-"""Start values in doubt lead nowhere if twelve iterations lower vᵀPv by less than a hundredth."""
-
 
 def make_problem(network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]) -> Problem:
     """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
@@ -166,7 +161,8 @@ def _settled(network: Network, start: Mapping[str, FloatArray]) -> tuple[Mapping
     if not all_known(start):
         return None
     try:
-        found = adjust(make_problem(network, start, start), start, SolverSettings(SETTLING, IMPATIENT))
+        # Start values in doubt have 40 iterations; they lead nowhere if twelve lower vᵀPv by less than a hundredth.
+        found = adjust(make_problem(network, start, start), start, SolverSettings(40, Patience(6, 1e-2, 1e-2)))
     except NotFiniteError:
         return None
     if found.outcome is Outcome.SINGULAR:
@@ -337,7 +333,8 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
         )
         network, attempt = adjust_determinable(whole, start, means)
     adjustment, notes = attempt.adjustment, []
-    if not adjustment.outcome.is_solution and _mostly_left_out(whole):
+    left = sum(thing.kind == "image" and thing.treatment == "left out" for thing in whole.undeterminable)
+    if not adjustment.outcome.is_solution and 2 * left > len(whole.things["image"].ids):
         raise NoStartValuesError(whole.undeterminable, [])
     if attempt.note:
         notes.append(Message(attempt.note))
@@ -356,12 +353,6 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
         marked = {kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()}
         network = with_blocks_held(network, marked, things)
     return _Adjusted(whole, start, network, attempt)
-
-
-def _mostly_left_out(network: Network) -> bool:
-    """True where more images have been left out than are adjusted: the rest says nothing of the whole."""
-    left = sum(thing.kind == "image" and thing.treatment == "left out" for thing in network.undeterminable)
-    return 2 * left > len(network.things["image"].ids)
 
 
 def _problem_at(network: Network, values: Mapping[str, FloatArray]) -> Problem:
@@ -387,7 +378,12 @@ def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
         adjustment = adjust(problem, start, settings, watch)
     except NotFiniteError:
         try:
-            adjustment = adjust(problem, _moved_apart(problem, start), settings, watch)
+            there, points = beside(problem, start)["point"], start["point"].copy()
+            for group in problem.groups:
+                rows = undefined_rows(group, problem.index, start)
+                for numbers in group.blocks_of("point"):
+                    points[numbers[rows]] = there[numbers[rows]]
+            adjustment = adjust(problem, {**start, "point": points}, settings, watch)
         except NotFiniteError:
             raise InputError(_undefined(problem, start)) from None
     return _with_settled_sigma(network, adjustment, watch)
@@ -470,15 +466,6 @@ def _start_from(adjusted: _Adjusted, values: Values) -> Mapping[str, FloatArray]
     left: BoolArray = np.array([name in names for name in adjusted.whole.blocks["point"].ids], dtype=bool)
     found["point"][left] = adjusted.start["point"][left]
     return found
-
-
-def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    there, points = beside(problem, start)["point"], start["point"].copy()
-    for group in problem.groups:
-        rows = undefined_rows(group, problem.index, start)
-        for numbers in group.blocks_of("point"):
-            points[numbers[rows]] = there[numbers[rows]]
-    return {**start, "point": points}
 
 
 def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Message]:

@@ -6,6 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
+from importlib.util import find_spec
+from io import StringIO
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -121,11 +123,13 @@ def reopen(path: Path) -> Project:
 def solve(project: Project) -> Solved:
     """The solution of a project. Raises :class:`InputError` if there is none."""
     from mor.api.pipeline import solve_network
-    from mor.report.text_findings import undetermined_section as section
+    from mor.report.language import ENGLISH
+    from mor.report.text_findings import undetermined_section
 
     solved = solve_network(project.network)
     if solved.quality is None:
-        words = "\n".join(part for part in (solved.adjustment.reason, section(solved)) if part)
+        explained = undetermined_section(solved, ENGLISH)
+        words = "\n".join(part for part in (solved.adjustment.reason, explained) if part)
         raise InputError([Message(f"no solution: {words}", project.document.file)])
     return solved
 
@@ -387,13 +391,13 @@ class Result:
         from mor.report.certificate import certificate, certificate_text
         from mor.report.digital_certificate import administration as read_administration
         from mor.report.digital_certificate import digital_certificate
-        from mor.report.language import words_of, words_of_page
+        from mor.report.language import words_of
 
         one = certificate(self._view, camera, coverage)
         if administration is None:
             return certificate_text(one, words_of(language))
         who = read_administration(read_yaml(read_text(Path(administration)), str(administration)))
-        return digital_certificate(one, who, words_of_page(language))
+        return digital_certificate(one, who, words_of(language, "page"))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``results.json`` as plain data."""
@@ -430,9 +434,21 @@ class Result:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        from mor.api.notebook import summary_and_network
+        """HTML for notebooks: the summary, and below it the network in plan if Matplotlib is installed."""
+        return f"<pre>{escape(str(self))}</pre>{self._network()}"
 
-        return summary_and_network(self.solved)
+    def _network(self) -> str:
+        if self.solved.quality is None or find_spec("matplotlib") is None:
+            return ""
+        from mor.report.observations import SHOWN, observation_table
+        from mor.report.plots import network, style
+        from mor.report.view import view_of
+
+        text = StringIO()
+        with style():
+            network(view_of(self.solved, observation_table(self.solved, SHOWN))).savefig(text, format="svg")
+        drawing = text.getvalue()
+        return drawing[drawing.index("<svg") :]
 
     @property
     def _identity(self) -> RunIdentity:
@@ -464,26 +480,13 @@ class Result:
     def _table(self, frame: pl.DataFrame) -> Table:
         from mor.report.units import angle_unit
 
-        units: Mapping[str, str] = {
-            **dict.fromkeys(_LENGTHS, self._length),
-            **dict.fromkeys(_ANGLES, angle_unit(self.solved)),
-        }
+        units = dict.fromkeys(_LENGTHS, self._length) | dict.fromkeys(_ANGLES, angle_unit(self.solved))
         return Table(frame, {name: units[name] for name in frame.columns if name in units})
 
 
 _LENGTHS = (
-    "x",
-    "y",
-    "z",
-    "sx",
-    "sy",
-    "sz",
-    "height",
-    "ellipsoid_a",
-    "ellipsoid_b",
-    "ellipsoid_c",
-    "ellipse_a",
-    "ellipse_b",
+    *("x", "y", "z", "sx", "sy", "sz", "height"),
+    *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
 )
 _ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
 

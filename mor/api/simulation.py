@@ -315,7 +315,7 @@ def digest_of(files: Mapping[Any, ReadFile]) -> str:
 
 
 def tasks_on_cluster(
-    cluster: ComputeCluster, function: Function, tasks: Sequence[Task], most_seconds: float | None = None
+    cluster: ComputeCluster, function: Function, tasks: Sequence[Task], most_seconds: float | None
 ) -> Iterator[Done]:
     """Do all tasks, each in a process of its own where a worker is; what is done comes in the order of the tasks.
 

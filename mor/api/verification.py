@@ -150,9 +150,6 @@ def reference_data() -> Path:
 # are solved for other parameters of the same model: of Chebyshev polynomials over the range of x, and of columns
 # reduced to their means. The parameters that NIST certifies are linear functions of these.
 
-_DIGITS = {"Wampler3": 8, "Wampler4": 7, "Wampler5": 5}
-"""Digits to which parameters and their standard deviations must agree; those of other data sets must to 9."""
-
 
 def _regression(data: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     x, y = np.array(data["x"], dtype=float), np.array(data["y"], dtype=float)
@@ -161,7 +158,8 @@ def _regression(data: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     values = back @ quality.adjustment.values["height"][:, 0]
     Q = joint_cofactors(quality, quality.adjustment.problem.index.columns["height"][:, 0])
     scale = np.sqrt(np.einsum("ij,jk,ik->i", back, Q, back))
-    part = 10.0 ** -_DIGITS.get(about.name, 9)
+    # Digits to which parameters and their standard deviations must agree; those of other data sets must to 9.
+    part = 10.0 ** -{"Wampler3": 8, "Wampler4": 7, "Wampler5": 5}.get(about.name, 9)
     residual = float(data["residual_standard_deviation"])
     # Wampler1 and Wampler2 fit exactly: the certified σ are 0, and those found are round-off of y.
     floor = 0.0 if residual else 1e-13 * float(np.abs(y).max())
@@ -374,7 +372,7 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
             if k < 3:
                 places.append((at, value, row[name], tolerance["position"]))
             else:
-                value, s = _near(np.degrees(value), row[name]), np.degrees(s)
+                value, s = float(row[name] + (np.degrees(value) - row[name] + 180.0) % 360.0 - 180.0), np.degrees(s)
                 angles.append((at, value, row[name], tolerance["angle"]))
             if row[f"s{name}"] is not None:
                 sigmas.append((at, s, row[f"s{name}"], max(tolerance["sigma"] * row[f"s{name}"], 1e-15)))
@@ -388,10 +386,6 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
     yield from about.check("attitudes", angles)
     yield from about.check("interior orientation", values)
     yield from about.check("σ of images and cameras", sigmas)
-
-
-def _near(angle: float, reference: float) -> float:
-    return float(reference + (angle - reference + 180.0) % 360.0 - 180.0)
 
 
 _RELATIVE = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}

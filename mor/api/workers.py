@@ -52,9 +52,7 @@ class _Worker:
     begun: float = 0.0
 
 
-def run_tasks(
-    function: Function, tasks: Sequence[Task], jobs: int, most_seconds: float | None = None
-) -> Iterator[Done]:
+def run_tasks(function: Function, tasks: Sequence[Task], jobs: int, most_seconds: float | None) -> Iterator[Done]:
     """Do all tasks by so many processes; what is done comes in the order in which it ends."""
     context = multiprocessing.get_context("spawn")
     left = list(enumerate(tasks))[::-1]
@@ -62,7 +60,11 @@ def run_tasks(
     try:
         while left or any(worker.number >= 0 for worker in workers):
             while left and len(workers) < jobs:
-                workers.append(_begun(context, function))
+                here, there = context.Pipe()
+                process = context.Process(target=_serve, args=(there, function), daemon=True)
+                process.start()
+                there.close()
+                workers.append(_Worker(process, here))
             for worker in workers:
                 if worker.number < 0 and left:
                     _give(worker, *left.pop())
@@ -78,14 +80,6 @@ def run_tasks(
     finally:
         for worker in workers:
             _end(worker)
-
-
-def _begun(context: Any, function: Function) -> _Worker:
-    here, there = context.Pipe()
-    process = context.Process(target=_serve, args=(there, function), daemon=True)
-    process.start()
-    there.close()
-    return _Worker(process, here)
 
 
 def _give(worker: _Worker, number: int, task: Task) -> None:
@@ -138,13 +132,6 @@ def done_alone(function: Function, number: int, task: Task, folder: Path, most_s
     return Done(number, None, _said_death(code), seconds) if code < 0 else Done(number, code, "", seconds)
 
 
-def _alone() -> None:
-    """Body of a process of :func:`done_alone`: reads a task from standard input, and ends when that is closed."""
-    function, arguments = pickle.load(sys.stdin.buffer)
-    Thread(target=_end_with_the_other, daemon=True).start()
-    sys.exit(function(*arguments))
-
-
 def _end_with_the_other() -> None:
     os.read(0, 1)
     os._exit(1)
@@ -192,4 +179,6 @@ def _serve(connection: Connection[Any, Any], function: Function) -> None:
 
 
 if __name__ == "__main__":
-    _alone()
+    function, arguments = pickle.load(sys.stdin.buffer)
+    Thread(target=_end_with_the_other, daemon=True).start()
+    sys.exit(function(*arguments))

@@ -10,7 +10,7 @@ import click
 
 from mor import __version__
 from mor.cli.console import Context, in_all_languages, language_of, show, tell, told, told_problem
-from mor.errors import ExitCode, MorError
+from mor.errors import MOST_TOLD, ExitCode, InputError, MorError, nearest, shortened
 from mor.input_files import inputs_of_run
 
 COMMANDS = {
@@ -67,8 +67,6 @@ class _Lazy(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
-            from mor.errors import nearest
-
             raise click.UsageError(f"there is no command {args[0]!r}{nearest(args[0], COMMANDS)}", ctx)
         return super().resolve_command(ctx, args)
 
@@ -138,7 +136,6 @@ OUT_OF_MEMORY = (
 
 def _tell(error: MorError, language: str) -> None:
     """Print the mistakes, at most one screen of them, and say how to see the rest."""
-    from mor.errors import MOST_TOLD, shortened
 
     lines = [shortened(line) for line in _said(error, language).splitlines()]
     more = len(lines) - MOST_TOLD
@@ -150,7 +147,6 @@ def _tell(error: MorError, language: str) -> None:
 
 
 def _said(error: MorError, language: str) -> str:
-    from mor.errors import InputError
 
     if isinstance(error, InputError):
         return "\n".join(told_problem(one, language) for one in error.problems)

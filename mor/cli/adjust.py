@@ -23,7 +23,7 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode, InputError, Message, NoStartValuesError
+from mor.errors import MOST_TOLD, ExitCode, InputError, Message, NoStartValuesError
 
 if TYPE_CHECKING:
     from mor.cli.progress import Progress
@@ -266,7 +266,6 @@ def show(asked: Asked, solved: Solved, of: RunIdentity, said: str) -> None:
 @contextmanager
 def named_in_full(place: Reservation | None) -> Iterator[None]:
     """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
-    from mor.errors import MOST_TOLD
 
     try:
         yield
@@ -296,16 +295,6 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     return solved
 
 
-OF_CSV = 5
-"""Bytes of memory for a byte of a CSV table: its rows as arrays, and its texts while it is read."""
-OF_OBSERVATION = 60
-"""Bytes of CSV tables for an observation where these are the longest, points among them: at most."""
-
-
-OF_PARQUET = 190
-"""Bytes of memory for a row of a Parquet table."""
-
-
 def rows_of_parquet(path: Path) -> int:
     """Number of rows of a Parquet file; 0 of any other one, or if it cannot be read, which is told when it is read."""
     import polars as pl
@@ -325,9 +314,11 @@ def look_ahead(document: Document, folder: Path) -> None:
 
     files = [path for name in document.table_files() if (path := folder / name).is_file()]
     size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
-    room = OF_CSV * size + OF_PARQUET * sum(map(rows_of_parquet, files))
+    # A byte of a CSV table takes 5 in memory, its rows as arrays and its texts; a row of a Parquet table takes 190.
+    room = 5 * size + 190 * sum(map(rows_of_parquet, files))
     check_room(float(room), "reading the tables", "fewer observations at a time")
-    if size >= OF_OBSERVATION * WORTH_COMPILING:
+    # An observation takes at most 60 bytes of the CSV tables, its points among them.
+    if size >= 60 * WORTH_COMPILING:
         load_ahead()
 
 

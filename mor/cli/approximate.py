@@ -19,7 +19,7 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import counted
+from mor.errors import ExitCode, InputError, Message, counted, screenful
 
 if TYPE_CHECKING:
     from mor.project.network import Network
@@ -68,7 +68,6 @@ def command(
     Exit codes: 0 done; 2 input, or values are missing and undetermined: leave_out is not set.
     """
     from mor.api.pipeline import read_document, read_network
-    from mor.errors import ExitCode, InputError, Message
     from mor.output_files import check_file
     from mor.quality.determinability import AT_INFINITY
     from mor.report.adjusted_project import Placed
@@ -98,7 +97,6 @@ def command(
 
 def _approximated(network: Network, quiet: bool) -> Approximation:
     from mor.api.pipeline import worked_out
-    from mor.errors import screenful
     from mor.linalg.compilation import chosen_by_size, notes_told_by
     from mor.quality.determinability import completed_or_at_infinity
     from mor.quality.test_statistics import critical_value
@@ -116,12 +114,12 @@ def _report(
     network: Network, approximation: Approximation, as_json: bool, plot: Path | None, force: bool, lang: str
 ) -> None:
     from mor.api.pipeline import make_problem
-    from mor.report.language import words_of_start_values
+    from mor.report.language import words_of
     from mor.report.output_folder import to_json
     from mor.report.plots import save, style
     from mor.report.start_values import start_data, start_text, start_values
 
-    words = words_of_start_values(lang)
+    words = words_of(lang, "start values")
     rows = start_values(network, approximation, make_problem(network, approximation.start, approximation.start))
     text = start_text(approximation, rows, words)
     click.echo(to_json(start_data(network, approximation, rows)) if as_json else text, nl=False)

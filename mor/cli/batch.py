@@ -102,10 +102,10 @@ def command(
     from mor.input_files import note_input
     from mor.output_files import write_among
     from mor.report.batch import batch_data, batch_page, batch_text, junit_xml
-    from mor.report.language import words_of_planning
+    from mor.report.language import words_of
     from mor.report.output_folder import to_json
 
-    words = words_of_planning(lang)
+    words = words_of(lang, "planning")
     if against is not None and not against.is_dir():
         raise InputError([Message("there is no such folder of kept results", str(against))])
     options = [

@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_option, tell
 from mor.cli.options import InputPath, coverage_option, output_option
+from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
     from mor.output_files import Content
@@ -67,7 +68,6 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message
     from mor.output_files import check_file, write_file
 
     if form is not None and admin is not None:
@@ -81,11 +81,13 @@ def command(
         from mor.project.document import read_yaml
         from mor.report.certificate import certificate
         from mor.report.digital_certificate import administration, digital_certificate
-        from mor.report.language import words_of_page
+        from mor.report.language import words_of
         from mor.report.view import view_of_folder
 
         who = administration(read_yaml(read_text(admin), str(admin)))
-        content = digital_certificate(certificate(view_of_folder(results), camera, coverage), who, words_of_page(lang))
+        content = digital_certificate(
+            certificate(view_of_folder(results), camera, coverage), who, words_of(lang, "page")
+        )
     else:
         content = _certified(results, camera, target, paper, coverage, lang)
     write_file(target, content, force)
@@ -103,7 +105,6 @@ def _name(camera: str, form: str | None, suffix: str) -> str:
 
 def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     from mor.api.pipeline import read_document
-    from mor.errors import InputError, Message
     from mor.formats.calibration import write_calibration
 
     adjusted = results / "adjusted.yaml"
@@ -113,9 +114,8 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
 
 
 def _certified(results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str) -> Content:
-    from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
-    from mor.report.language import words_of, words_of_page
+    from mor.report.language import words_of
     from mor.report.page import browser, print_page
     from mor.report.view import view_of_folder
 
@@ -124,7 +124,7 @@ def _certified(results: Path, camera: str, target: Path, paper: str, coverage: f
         raise InputError([Message("expected a name that ends in .html, .txt or .pdf", str(target))])
     one = certificate(view_of_folder(results), camera, coverage)
     if suffix == ".html":
-        return certificate_page(one, words_of_page(lang))
+        return certificate_page(one, words_of(lang, "page"))
     text, program = certificate_text(one, words_of(lang)), browser()
     if suffix == ".txt":
         return text
@@ -132,6 +132,6 @@ def _certified(results: Path, camera: str, target: Path, paper: str, coverage: f
         from mor.report.paper import text_on_paper
 
         tell("note: no browser was found: the PDF has the text, without the curve")
-        return text_on_paper(text, paper, words_of_page(lang)).write
-    page = certificate_page(one, words_of_page(lang))
+        return text_on_paper(text, paper, words_of(lang, "page")).write
+    page = certificate_page(one, words_of(lang, "page"))
     return lambda path: print_page(program, page, path, paper)

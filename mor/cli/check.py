@@ -8,6 +8,7 @@ import click
 
 from mor.cli.console import language_of_command, tell_note, told_problem
 from mor.cli.options import InputPath, format_option, only_project, quiet_option
+from mor.errors import ExitCode, InputError, escaped, screenful
 
 
 @click.command(name="check")
@@ -31,7 +32,6 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
     Exit codes: 0 done; 2 input.
     """
     from mor.api.project import read
-    from mor.errors import ExitCode, InputError, escaped, screenful
     from mor.report.language import words_of
     from mor.report.summary import contents
 

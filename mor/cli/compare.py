@@ -12,7 +12,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath, OutputPath, kernels_option, quiet_option
-from mor.errors import ExitCode, InputError, Message
+from mor.errors import ExitCode, InputError, Message, nearest
 from mor.input_files import TABLE, read_text
 from mor.output_files import check_file, write_file
 
@@ -215,7 +215,6 @@ def _between(
 
 
 def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple[int, int]:
-    from mor.errors import nearest
     from mor.project.entities import decimal_year
 
     motion, numbers = solved.network.motion, []
@@ -245,10 +244,10 @@ def _write_page(
     lang: str,
 ) -> None:
     from mor.report.epochs import comparison_page, epoch, moved, verdict
-    from mor.report.language import words_of_page
+    from mor.report.language import words_of
 
     both = epoch(results[0], solved[0]), epoch(results[1], solved[1])
-    words = words_of_page(lang)
+    words = words_of(lang, "page")
     said = verdict(found, level, known, words)
     write_file(page[0], comparison_page(both, moved(solved[0], found, table), table, said, known, words), page[1])
 

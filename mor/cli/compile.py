@@ -10,7 +10,7 @@ import click
 
 from mor.cli.console import language_of_command, tell
 from mor.cli.options import quiet_option
-from mor.errors import ExitCode
+from mor.errors import ExitCode, InputError, Message
 
 
 @click.command(name="compile")
@@ -33,7 +33,6 @@ def command(quiet: bool) -> int:
     """
     from mor.cli.examples import sample_projects
     from mor.cli.progress import progress
-    from mor.errors import InputError, Message
     from mor.linalg import compilation
     from mor.report.language import words_of
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,9 +10,9 @@ import click
 
 from mor.cli.console import tell, tell_note
 from mor.cli.options import OutputPath, force_option, quiet_option
+from mor.errors import InputError, Message, counted
 
 if TYPE_CHECKING:
-    from mor.errors import Message
     from mor.project.document import Document
 
 _OWN = (".yaml", ".yml")
@@ -58,10 +58,10 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message
-    from mor.formats import format_to_write
+    from mor.formats import format_to_write, write_foreign
     from mor.input_files import note_input
     from mor.output_files import write_files
+    from mor.project.document import project_files
 
     sources, place = (paths, output) if output is not None else (paths[:-1], paths[-1] if paths else None)
     if place is None or not sources:
@@ -74,12 +74,18 @@ def command(
     if not key and place.suffix.lower() not in _OWN:
         words = "this name has no suffix of a known format; use the suffix .yaml for a project file, or --to FORMAT"
         raise InputError([Message(words, str(place))])
-    files, notes = _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
+    if key:
+        files, notes = write_foreign(document, source.parent, place, key)
+        said = f"{place}: {counted(len(files), 'file')}, {key}"
+    else:
+        texts = project_files(document.data, source.parent, place, document.frames)
+        files, notes = {path: text.encode() for path, text in texts.items()}, []
+        said = f"{place}, and {counted(len(files) - 1, 'table')} beside it" if len(files) > 1 else str(place)
     write_files(files, force, makes_folders=True)
     if not quiet:
         for note in [*document.notes, *notes]:
             tell_note(note)
-        tell(_said(place, files, key))
+        tell(said)
 
 
 def _read(sources: Sequence[Path], formats: Sequence[str], written_as_foreign: bool) -> Document:
@@ -91,24 +97,3 @@ def _read(sources: Sequence[Path], formats: Sequence[str], written_as_foreign: b
     source, form = sources[0], formats[0] if formats else ""
     plain = source.suffix.lower() in _OWN and not form and written_as_foreign
     return read_document(source) if plain else read_foreign(source, form)
-
-
-def _own_files(document: Document, source: Path, target: Path) -> tuple[dict[Path, bytes], list[Message]]:
-    from mor.project.document import project_files
-
-    texts = project_files(document.data, source.parent, target, document.frames)
-    return {path: text.encode() for path, text in texts.items()}, []
-
-
-def _foreign_files(document: Document, source: Path, target: Path, key: str) -> tuple[dict[Path, bytes], list[Message]]:
-    from mor.formats import write_foreign
-
-    return write_foreign(document, source.parent, target, key)
-
-
-def _said(target: Path, files: Mapping[Path, bytes], key: str) -> str:
-    from mor.errors import counted
-
-    if key:
-        return f"{target}: {counted(len(files), 'file')}, {key}"
-    return f"{target}, and {counted(len(files) - 1, 'table')} beside it" if len(files) > 1 else str(target)

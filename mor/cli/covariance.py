@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_of_command
 from mor.cli.options import InputPath, coverage_option, output_option
+from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,7 +99,6 @@ def command(
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.api.result import in_datum, reopen, solve
-    from mor.errors import InputError, Message
     from mor.linalg.compilation import chosen_by_size
     from mor.output_files import check_file, write_file
     from mor.report.covariance import check_covariance, freedom_of
@@ -164,7 +164,6 @@ def _matrix(solved: Solved, named: tuple[str | None, str | None, str | None]) ->
 
 
 def _names(text: str | None, option: str, kind: str) -> list[str]:
-    from mor.errors import InputError, Message
 
     names = [name.strip() for name in (text or "").split(",") if name.strip()]
     if text is not None and not names:
@@ -173,7 +172,6 @@ def _names(text: str | None, option: str, kind: str) -> list[str]:
 
 
 def _pair(text: str, option: str, kind: str) -> tuple[str, str]:
-    from mor.errors import InputError, Message
 
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or names[0] == names[1]:

@@ -17,7 +17,7 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode
+from mor.errors import ExitCode, screenful
 
 if TYPE_CHECKING:
     from mor.api.design import Design
@@ -100,10 +100,9 @@ def _options(rank: bool, greedy: int | None, source_format: str | None) -> tuple
 
 
 def _tell(design: Design, lang: str, folder: Path | None) -> None:
-    from mor.errors import screenful
-    from mor.report.language import words_of_planning
+    from mor.report.language import words_of
 
-    words = words_of_planning(lang)
+    words = words_of(lang, "planning")
     for note in screenful(design.notes, "mor check --all"):
         click.echo(words("note: {text}", text=note._replace(message=words.told(note.message))), err=True)
     click.echo(design.screen(words), err=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import click
 
 from mor.cli.console import tell
 from mor.cli.options import output_option
+from mor.errors import InputError, Message, nearest
 
 
 @click.command(name="examples")
@@ -40,7 +40,6 @@ def command(name: str | None, output: Path | None) -> None:
 def sample_projects() -> list[Path]:
     """Folders of the sample projects: of the installed package, or of the source tree."""
     import mor
-    from mor.errors import InputError, Message
 
     package = Path(mor.__file__).parent
     for place in (package / "examples", package.parent / "sample_projects"):
@@ -60,36 +59,23 @@ def copy_sample(name: str, target: Path) -> None:
 
     Raises :class:`mor.errors.InputError`.
     """
-    from mor.errors import InputError, Message, nearest
+    import filecmp
+    import shutil
+
     from mor.output_files import named, write_files
 
     known = {folder.name: folder for folder in sample_projects()}
     if name not in known:
         words = f"unknown sample project {name!r}{nearest(name, known)} (known: {', '.join(known)})"
         raise InputError([Message(words)])
-    ignored = ("__pycache__", "expected.json", "*.results")
     sample = known[name]
+    files = [path.relative_to(sample) for path in sample.rglob("*") if path.is_file()]
+    left_out = shutil.ignore_patterns("__pycache__", "expected.json", "*.results")
+    wanted = [str(path) for path in files if not left_out("", list(path.parts))]
     with named(target):
-        if _is_copy(target, sample, ignored):
+        if filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted:
             return
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             words = "this exists and is not an empty folder; choose another one with -o"
             raise InputError([Message(words, str(target))])
-        write_files(
-            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)}, False, makes_folders=True
-        )
-
-
-def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
-    import filecmp
-
-    wanted = _names(sample, ignored)
-    return filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted
-
-
-def _names(sample: Path, ignored: Sequence[str]) -> list[str]:
-    import shutil
-
-    files = [path.relative_to(sample) for path in sample.rglob("*") if path.is_file()]
-    left_out = shutil.ignore_patterns(*ignored)
-    return [str(path) for path in files if not left_out("", list(path.parts))]
+        write_files({target / name: (sample / name).read_bytes() for name in wanted}, False, makes_folders=True)

@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import tell, tell_note
 from mor.cli.options import InputPath, OutputPath, force_option
+from mor.errors import InputError, Message, counted, nearest
 
 if TYPE_CHECKING:
     from mor.project.recognition import Found
@@ -80,7 +81,6 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import SUFFIXES
     from mor.output_files import write_files
     from mor.project.recognition import CameraSettings, begin, begin_test, levelled, told_apart
@@ -129,7 +129,6 @@ def command(
 
 
 def _recognised(table: Path) -> list[Found]:
-    from mor.errors import InputError, Message
     from mor.formats import FORMATS, format_of
     from mor.project.recognition import read_tables
 

@@ -118,7 +118,7 @@ format_option = click.option(
 """``--from`` of the commands that read one project."""
 
 
-def only_project(path: Path, source_format: str | None = None) -> Path:
+def only_project(path: Path, source_format: str | None) -> Path:
     """Return the only project file of a folder; any other path, and a folder in a foreign format, as it is.
 
     ``-`` is standard input, which is read here. Raises :class:`InputError` for a folder with several project files,
@@ -146,11 +146,8 @@ def _is_project(file: Path) -> bool:
     if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
         return False
     with file.open("rb") as content:
-        return any(line.startswith(b"mor:") for line in content.read(_HEAD).splitlines())
-
-
-_HEAD = 1 << 16
-"""Bytes of a file in which its key ``mor`` is looked for."""
+        # Bytes of a file in which its key ``mor`` is looked for.
+        return any(line.startswith(b"mor:") for line in content.read(1 << 16).splitlines())
 
 
 # ---- ``--jobs`` and ``--cluster``: who shares what is to be done many times.

@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath
+from mor.errors import ExitCode
 
 _CONSTANT = click.option(
     "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
@@ -80,9 +81,8 @@ def relative_command(
     """
     import numpy as np
 
-    from mor.errors import ExitCode
     from mor.model.rotations import rotation_from_angles
-    from mor.report.language import words_of_orientation
+    from mor.report.language import words_of
     from mor.report.orientation import read_homologous, relative, relative_data, relative_text
     from mor.report.output_folder import to_json
     from mor.units import ANGLE_UNITS
@@ -94,7 +94,7 @@ def relative_command(
     found = relative(measured, _of_images(constants, measured.coordinates.shape[1]), sigma)
     given = None if attitude is None else rotation_from_angles(np.array(attitude) * ANGLE_UNITS[angles])
     data = relative_data(measured, found, angles, given)
-    click.echo(to_json(data) if as_json else relative_text(data, words_of_orientation(lang)), nl=False)
+    click.echo(to_json(data) if as_json else relative_text(data, words_of(lang, "orientation")), nl=False)
     return ExitCode.SINGULAR if found.model is None else ExitCode.DONE
 
 
@@ -145,8 +145,7 @@ def planar_command(
     \b
     Exit codes: 0 done; 2 input; 4 no solution.
     """
-    from mor.errors import ExitCode
-    from mor.report.language import words_of_orientation
+    from mor.report.language import words_of
     from mor.report.orientation import ObjectSystem, planar, planar_data, planar_text, read_homologous
     from mor.report.output_folder import to_json
 
@@ -157,7 +156,7 @@ def planar_command(
     of_images = _of_images(constants, measured.coordinates.shape[1])
     shape = planar(measured, of_images, sigma, off)
     data = planar_data(measured, shape, of_images, ObjectSystem(length, length_sigma, wall, angles))
-    click.echo(to_json(data) if as_json else planar_text(data, words_of_orientation(lang)), nl=False)
+    click.echo(to_json(data) if as_json else planar_text(data, words_of(lang, "orientation")), nl=False)
     return ExitCode.DONE if shape.outcome.usable else ExitCode.SINGULAR
 
 

@@ -9,6 +9,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath, output_option
+from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,19 +59,18 @@ def command(kind: str, source: Path, output: Path, name: str | None, confidence:
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.output_files import check_file
-    from mor.report.language import words_of_page
+    from mor.report.language import words_of
     from mor.report.plots import check_picture, save, style
 
     check_picture(output)
     check_file(output, force)
     with style():
-        save(drawn(kind, view_of_source(source), name, words_of_page(lang), confidence), output, force)
+        save(drawn(kind, view_of_source(source), name, words_of(lang, "page"), confidence), output, force)
 
 
 def view_of_source(source: Path) -> View:
     """The view of results on disk, or of a project adjusted here. Raises :class:`mor.errors.InputError`."""
     from mor.api.result import adjust
-    from mor.errors import InputError, Message
     from mor.report.observations import observation_table
     from mor.report.view import view_of, view_of_folder
 

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from mor.errors import Message, screenful
 from mor.report.language import ENGLISH, Words
 
 if TYPE_CHECKING:
     from rich.status import Status
     from rich.table import Table
 
-    from mor.errors import Message
     from mor.output_files import EventFile
     from mor.project.document import Document
     from mor.solve.iterate import Iteration
@@ -148,7 +148,6 @@ class Progress:
 
     def notes(self, notes: Iterable[Message]) -> None:
         """Print notes of a reader, at most one screen of them."""
-        from mor.errors import screenful
 
         told = list(notes)
         for note in told:

@@ -8,6 +8,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import InputPath, output_option
+from mor.errors import InputError, Message
 
 
 @click.command(name="report")
@@ -74,10 +75,9 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, Message
     from mor.input_files import note_input
     from mor.output_files import check_file, listed_files, write_file
-    from mor.report.language import words_of, words_of_page
+    from mor.report.language import words_of
     from mor.report.view import view_of_folder
 
     pdf = pdf or appendix is not None
@@ -95,7 +95,7 @@ def command(
             note_input(results / file)  # a report replaces no other file of the results
     force = force or (output is None and name in listed)
     check_file(target, force)
-    view, words = view_of_folder(results), words_of_page(lang)
+    view, words = view_of_folder(results), words_of(lang, "page")
     if protocol is not None:
         from mor.report.output_folder import to_json
         from mor.report.protocol import protocol as protocol_of

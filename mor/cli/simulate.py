@@ -23,11 +23,9 @@ from mor.cli.options import (
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode
+from mor.errors import ExitCode, InputError, Message, screenful
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mor.api.simulation import Chunk, Prepared, SimulationTask, Worked
     from mor.input_files import ReadFile
     from mor.plan.simulation import Systematic, Wishes
@@ -137,10 +135,14 @@ def command(
     systematic = (*_systematic(offsets, False), *_systematic(scales, True))
     wishes = Wishes(gross, size, drop, systematic)
     if runs is not None:
-        _refuse_with_runs(gross, drop, systematic, noise_free)
+        given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
+        problems = [
+            Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
+        ]
+        if problems:
+            raise InputError(problems)
         trial = SimulationTask(project, source_format or "", seed, starts)
         return _many(trial, output, force, runs, jobs_here(jobs, cluster), cluster, as_json, lang, quiet)
-    from mor.errors import InputError, Message
 
     if cluster is not None:
         raise InputError([Message("this goes with --runs, not with one simulated project", "--cluster")])
@@ -151,7 +153,6 @@ def _one(
     project: Path, output: Path | None, force: bool, form: str, seed: int, noise_free: bool, wishes: Wishes, quiet: bool
 ) -> int:
     from mor.api.simulation import USUAL_FILES, simulated
-    from mor.errors import screenful
     from mor.output_files import check_folder
     from mor.report.output_folder import folder_beside, reserve
 
@@ -165,16 +166,6 @@ def _one(
             tell_note(note)
         tell(f"simulated project in {folder}")
     return ExitCode.DONE
-
-
-def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic], noise_free: bool) -> None:
-    """Refuse options that plant errors in one simulated project together with ``--runs``."""
-    from mor.errors import InputError, Message
-
-    given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
-    problems = [Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v]
-    if problems:
-        raise InputError(problems)
 
 
 def _many(
@@ -195,11 +186,11 @@ def _many(
     from mor.output_files import write_among
     from mor.plan.simulation import findings
     from mor.report.identity import RunIdentity
-    from mor.report.language import words_of_planning
+    from mor.report.language import words_of
     from mor.report.output_folder import folder_beside, to_json
     from mor.report.simulation import finding_table, monte_carlo_data, monte_carlo_text, verdict
 
-    folder, words = output or folder_beside(trial.path, ".montecarlo"), words_of_planning(lang)
+    folder, words = output or folder_beside(trial.path, ".montecarlo"), words_of(lang, "planning")
     _check_folder(folder, force)
     with files_read() as files:
         ready = prepared(trial)
@@ -247,7 +238,6 @@ _REPORTS = ("montecarlo.txt", "montecarlo.json")
 
 def _check_folder(folder: Path, force: bool) -> None:
     """A folder of earlier runs goes on; any other one that is not empty needs ``--force``."""
-    from mor.errors import InputError, Message
     from mor.output_files import check_folder, check_names
 
     runs = folder / "runs"
@@ -261,7 +251,6 @@ def _check_folder(folder: Path, force: bool) -> None:
 
 
 def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:
-    from mor.errors import InputError, Message
     from mor.plan.simulation import Systematic
 
     found, problems = [], []

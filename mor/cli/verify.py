@@ -8,6 +8,7 @@ import click
 
 from mor.cli.console import language_option
 from mor.cli.options import force_option, output_option, quiet_option
+from mor.errors import ExitCode
 
 FILES = ("verification.txt", "verification.html", "verification.json")
 
@@ -37,13 +38,12 @@ def command(output: Path | None, force: bool, as_json: bool, lang: str, quiet: b
     """
     from mor.api.verification import tasks, verify
     from mor.cli.progress import progress
-    from mor.errors import ExitCode
     from mor.output_files import check_folder, write_among
-    from mor.report.language import words_of_planning
+    from mor.report.language import words_of
     from mor.report.output_folder import to_json
     from mor.report.verification import verification_data, verification_page, verification_text
 
-    words = words_of_planning(lang)
+    words = words_of(lang, "planning")
     if output is not None:
         check_folder(output, force, FILES)
     with progress(quiet, False, words=words) as say:

@@ -24,7 +24,6 @@ _TYPES = {
     **dict.fromkeys(("float", "float32"), "f4"),
     **dict.fromkeys(("double", "float64"), "f8"),
 }
-_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 
 
 class Mesh(NamedTuple):
@@ -133,7 +132,7 @@ def _ply_header(content: bytes) -> tuple[str, list[_Element], bytes, int]:
         try:
             match words:
                 case ["format", form, _]:
-                    order = _ORDERS[form]
+                    order = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}[form]
                 case ["element", name, count]:
                     elements.append(_Element(name, int(count), []))
                 case ["property", "list", counted, kind, name]:

@@ -21,7 +21,6 @@ _NUMBER = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµ
 _SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
 """How an angle d-m-s begins, in all its spellings; no number with a unit does."""
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
-_AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
 
 
 class UnitError(ValueError):
@@ -204,7 +203,7 @@ class Edge(NamedTuple):
     @property
     def zero_azimuth(self) -> float:
         """Azimuth (radians, clockwise from north) from which bearings of the project count."""
-        return _AZIMUTH[self.axes.bearings_from]
+        return {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}[self.axes.bearings_from]
 
     @property
     def matrix(self) -> FloatArray:

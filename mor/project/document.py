@@ -145,7 +145,11 @@ def read_yaml(text: str, file: str) -> Document:
     try:
         return _YamlReader(file).read(yaml.parse(text, Loader=loader))
     except yaml.MarkedYAMLError as error:
-        raise InputError([_broken(error, file)]) from None
+        said = " ".join(part for part in (error.context, error.problem) if part)
+        plain = next((words for part, words in _BROKEN if part in said), said)
+        begun = "opens here" in plain or "no colon" in plain
+        mark = (error.context_mark if begun else None) or error.problem_mark
+        raise InputError([Message(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)]) from None
     except yaml.YAMLError as error:
         words = str(error).splitlines()[0]
         raise InputError([Message(f"this is not a text file of YAML: {words}", file)]) from None
@@ -167,14 +171,6 @@ _BROKEN = (
     ),
 )
 """What YAML complains of, in plain words."""
-
-
-def _broken(error: yaml.MarkedYAMLError, file: str) -> Message:
-    said = " ".join(part for part in (error.context, error.problem) if part)
-    plain = next((words for part, words in _BROKEN if part in said), said)
-    begun = "opens here" in plain or "no colon" in plain
-    mark = (error.context_mark if begun else None) or error.problem_mark
-    return Message(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)
 
 
 class _YamlReader:
@@ -488,13 +484,6 @@ def _entry(entry: dict[str, Any], source: Path, target: Path, table: Path, texts
     rows, columns = entry.get("rows"), entry.get("columns")
     if not isinstance(rows, list) or len(rows) <= LONGEST or not isinstance(columns, list):
         return entry
-    texts[table] = _csv(columns, rows)
-    name = entry.get("name") or entry.get("type")
-    kept = {key: value for key, value in entry.items() if key not in ("rows", "columns")}
-    return {**kept, **({"name": name} if name else {}), "file": table.name}
-
-
-def _csv(columns: list[str | None], rows: list[list[str | None]]) -> str:
     chosen = [k for k, name in enumerate(columns) if name is not None]
     text = io.StringIO()
     cells = [["" if k >= len(row) else row[k] or "" for k in chosen] for row in rows]
@@ -502,4 +491,7 @@ def _csv(columns: list[str | None], rows: list[list[str | None]]) -> str:
     writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_ALL if unsafe else csv.QUOTE_MINIMAL)
     writer.writerow([columns[k] for k in chosen])
     writer.writerows([[guarded(cell) for cell in row] for row in cells])
-    return text.getvalue()
+    texts[table] = text.getvalue()
+    name = entry.get("name") or entry.get("type")
+    kept = {key: value for key, value in entry.items() if key not in ("rows", "columns")}
+    return {**kept, **({"name": name} if name else {}), "file": table.name}

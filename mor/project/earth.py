@@ -175,8 +175,6 @@ def with_convergence_at_images(
 
 # ---- The sphere under a local network: `curvature` of the project file.
 
-_NAMES = ("point", "station", "image")
-
 
 def read_sphere(reading: Reading) -> None:
     """Put the sphere of the project and its observation types into ``reading``; problems are collected there."""
@@ -249,7 +247,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
     if section.origin is None:
         store = reading.shop.store("point")
         positions = store.start_values(store.all_values())
-        things = [reading.shop.things[space] for space in _NAMES if space in reading.shop.things]
+        things = [reading.shop.things[space] for space in ("point", "station", "image") if space in reading.shop.things]
         blocks = np.concatenate([thing.parts["position"] for thing in things] or [np.zeros(0, dtype=np.int64)])
         return median_origin(positions[np.unique(blocks)], 1.0 / reading.edge.metres)
     given = []
@@ -283,7 +281,6 @@ _TURNED = {
     "projected_attitude",
     "navigation_attitude",
 }
-_PLACED = {"control", "gnss_position", "geodetic_position", "projected_position"}
 _KAPPA = 2
 _LIES = (
     "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
@@ -322,7 +319,7 @@ def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
             blocks = things.parts["position"]
             held[blocks[(~free[blocks]).any(axis=1)]] = True
     for group in groups:
-        if group.type.key in _PLACED:
+        if group.type.key in {"control", "gnss_position", "geodetic_position", "projected_position"}:
             held[group.blocks[0]] = True
     return int(np.count_nonzero(held))
 

@@ -221,6 +221,11 @@ _DECLARED_AS = dict.fromkeys(
 )
 
 
+def set_name(station: str, set_: str) -> str:
+    """Name of a set of directions; a station without sets is its own."""
+    return f"{station}/{set_}" if set_ else station
+
+
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
     """Words for a name that nothing has."""
     return f"{what} {name!r} does not exist{nearest(name, known)}"

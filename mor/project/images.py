@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from math import hypot, inf, isnan
 
 import numpy as np
@@ -23,10 +24,10 @@ from mor.model.parameters import (
 from mor.project.axes import ImageScale, UnitError, image_scale, split
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
-from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
+from mor.project.points import Blocks, position_columns, positions, read_named, rotations
 from mor.project.schema import Camera, Images, Setting, Value
 from mor.project.stations import eccentricities, heights, motions, set_up_columns, shared_column
-from mor.project.tables import Column, Rows, TableLocation, component_columns, read_table, settings
+from mor.project.tables import Column, Rows, component_columns, settings
 from mor.project.trajectories import (
     TRAJECTORY,
     check_line_times,
@@ -41,8 +42,6 @@ from mor.units import IMAGE, NUMBER, Component
 
 # ---- Cameras of a project: interior orientations, image scales, image-variant components.
 
-DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
-"""Diagonal of the format that 35 mm equivalents refer to, mm."""
 GUESSED_CONSTANT = 1.0
 """Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
 
@@ -138,7 +137,8 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
     width, height = (split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height))
     if camera.focal_length_35mm is not None:
         diagonal = float(np.hypot(width, height))
-        return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
+        full_frame = float(np.hypot(36.0, 24.0))  # diagonal of the format that 35 mm equivalents refer to
+        return camera.focal_length_35mm * diagonal / full_frame, "from focal_length_35mm"
     return GUESSED_CONSTANT * max(width, height), f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
 
 
@@ -277,74 +277,43 @@ def hold_what_images_have(reading: Reading, groups: Sequence[ObservationGroup]) 
 
 def read_images(reading: Reading) -> None:
     """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
-    collected: dict[str, list[IntArray]] = {}
-    ids: list[str] = []
-    seen: list[NameColumn] = []
     leaders: list[tuple[int, str, str, Rows, int]] = []
     read_line_times(reading)
-    for k, table in enumerate(reading.project.images):
-        reading.begin("images", k, table)
-        _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
-        reading.watch(table.file)
-    parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
-    if not parts:
-        parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}
-    reading.shop.things["image"] = entities(ids, parts)
+    parts = ["position", "rotation", "height", "eccentricity", "interior", "model", "camera"]
+    parts += ["relative rotation", "base", "image velocity", "rotation rate", "readout", TRAJECTORY]
+    read_named(reading, "image", parts, image_columns(reading), partial(_images_of_table, leaders))
     _follow(reading, leaders)
-    check_line_times(reading, tuple(ids))
+    check_line_times(reading, reading.shop.things["image"].ids)
 
 
 _MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
 _POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names, *IMAGE_VELOCITY.names, *ROTATION_RATE.names)
 _SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
-_IMAGE_PARTS = (
-    "position",
-    "rotation",
-    "height",
-    "eccentricity",
-    "interior",
-    "model",
-    "camera",
-    "relative rotation",
-    "base",
-    "image velocity",
-    "rotation rate",
-    "readout",
-    TRAJECTORY,
-)
 
 
-def _read_images_table(
-    reading: Reading,
-    table: Images,
-    place: TableLocation,
-    ids: list[str],
-    collected: dict[str, list[IntArray]],
-    seen: list[NameColumn],
-    leaders: list[tuple[int, str, str, Rows, int]],
-) -> None:
-    edge, shop = reading.edge, reading.shop
-    rows = read_table(table, image_columns(reading), place)
-    if rows is None:
-        return
-    names = rows.text("id")
-    check_unique("image", names, rows, seen)
+def _images_of_table(
+    leaders: list[tuple[int, str, str, Rows, int]], reading: Reading, table: Images, rows: Rows, names: list[str]
+) -> Blocks | None:
     remember_epochs(reading, "image", names, rows)
-    if not edge.right_handed:
-        place.tell(f"images need right-handed axes; {edge.axes.xy} is left-handed")
-        return
+    if not reading.edge.right_handed:
+        number = next(k for k, one in enumerate(reading.project.images) if one is table)
+        reading.at("images", number).tell(f"images need right-handed axes; {reading.edge.axes.xy} is left-handed")
+        return None
     cameras = _camera_numbers(reading, rows)
     if cameras is None:
         reading.broken.add("image")
-        return
-    camera = shop.things["camera"]
+        return None
+    camera, first = reading.shop.things["camera"], len(reading.shop.things["image"].ids)
     own = camera.parts["eccentricity"][cameras]
     trajectory = put_on_trajectories(reading, rows, names, table.free)
     position, rotation, height, eccentricity = _own_poses(reading, rows, trajectory >= 0, table, own)
     none = np.full(len(names), -1, dtype=np.int64)
     readout = camera.parts["readout"][cameras]
     velocity, rate = _motions(reading, rows, names, table, readout, trajectory >= 0)
-    found = {
+    for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
+        if leader or pair:
+            leaders.append((first + i, leader, pair, rows, i))
+    return {
         "position": position,
         "rotation": rotation,
         "height": height,
@@ -359,13 +328,6 @@ def _read_images_table(
         "readout": readout,
         TRAJECTORY: trajectory,
     }
-    for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
-        if leader or pair:
-            leaders.append((len(ids) + i, leader, pair, rows, i))
-    for part, array in found.items():
-        collected.setdefault(part, []).append(array)
-    ids += names
-    reading.end("image", len(names))
 
 
 def image_columns(reading: Reading) -> list[Column]:

@@ -395,11 +395,9 @@ class Network:
     unoriented: frozenset[str]
     """Stations at which no direction was observed."""
     tables: Mapping[str, tuple[tuple[str, int], ...]]
-    """Tables of points, images, pairs, systems in their order, with the number of things of each; "" is none."""
-    station_tables: Mapping[str, str]
-    """Table of each declared station and of its sets."""
-    station_levels: Mapping[str, str]
-    """Level of each declared station: fixed, free, or the σ of its observation as given."""
+    """Tables of points, images and all else in their order, with the number of things of each; "" is none."""
+    station_tables: Mapping[str, tuple[str, str]]
+    """Table of each declared station and of its sets, and its level: fixed, free, or the σ of its observation."""
     notes: tuple[Message, ...]
     """What was assumed on reading, to be said to the user."""
     file: str = ""
@@ -558,7 +556,7 @@ def _network(
         notes=(*document.notes, *reading.notes),
         tables={space: tuple(tables) for space, tables in reading.tables.items()},
         station_tables={
-            name: table_label("stations", number, table)
+            name: (table_label("stations", number, table), table.level)
             for number, table in enumerate(project.stations)
             for name in reading.table_ids.get(("stations", number), [])
         },
@@ -568,11 +566,6 @@ def _network(
         sphere=reading.sphere,
         unmeasured=tuple(dict.fromkeys(reading.unmeasured)),
         candidates=candidates,
-        station_levels={
-            name: table.level
-            for number, table in enumerate(project.stations)
-            for name in reading.table_ids.get(("stations", number), [])
-        },
         trajectories=reading.trajectories,
         image_times=reading.image_times,
         lines=reading.lines,

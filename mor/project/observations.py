@@ -83,7 +83,7 @@ def units_of_values(entry: Observations) -> Observations:
     return entry.model_copy(update={"values": values, "units": units})
 
 
-def raw_image(name: str, required: bool = False) -> Column:
+def raw_image(name: str, required: bool) -> Column:
     """A column in the image unit of whichever camera: converted when the camera is known."""
 
     def plain(text: str, unit: str) -> float:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import polars as pl
@@ -15,7 +15,7 @@ from mor.model.geodetic import DEFLECTIONS, GEOID, control, earth_types, project
 from mor.model.parameters import POINT, ROTATION
 from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.axes import Edge, UnitError, external
-from mor.project.entities import Reading, entities, table_label
+from mor.project.entities import Reading, entities, set_name, table_label
 from mor.project.reference_system import (
     EarthModel,
     GridError,
@@ -216,16 +216,11 @@ def rotations(
     as_given |= oriented if oriented is not None else False
     if np.isfinite(sigma[~as_given]).any() or not free[~as_given].all():
         rows.tell(0, "fixed or observed ω, φ, κ need axes: {xy: en}")
-    values[~as_given] = _turned_angles(values[~as_given], reading.edge.matrix)
+    result = values[~as_given].copy()
+    known = np.isfinite(values[~as_given]).all(axis=1)
+    result[known] = angles_from_rotation(rotation_from_angles(values[~as_given][known]) @ reading.edge.matrix.T)
+    values[~as_given] = result
     return reading.shop.store("rotation").add(labels, values, free, sigma, start)
-
-
-def _turned_angles(values: FloatArray, M: FloatArray) -> FloatArray:
-    """ω, φ, κ that refer to project axes, for internal axes: D ← D Mᵀ."""
-    result = values.copy()
-    known = np.isfinite(values).all(axis=1)
-    result[known] = angles_from_rotation(rotation_from_angles(values[known]) @ M.T)
-    return result
 
 
 def inwards(edge: Edge, statuses: Statuses) -> Statuses:
@@ -256,6 +251,43 @@ def check_unique(what: str, names: list[str], rows: Rows, seen: list[NameColumn]
         again |= here.is_in(table.names.implode()).to_numpy()
     seen.append(NameColumn(here, rows))
     rows.tell_where(again, lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})")
+
+
+Blocks = Mapping[str, IntArray]
+"""Blocks (n,) of the rows of a table, by part."""
+
+
+def read_named(
+    reading: Reading,
+    space: str,
+    parts: Sequence[str],
+    columns: list[Column],
+    read: Callable[[Reading, Any, Rows, list[str]], Blocks | None],
+) -> None:
+    """Read all tables of a section (``images`` of the namespace ``image``): its things with the blocks of their parts.
+
+    ``read`` returns the blocks of the rows of one table, by their names; ``None`` if it told mistakes instead.
+    """
+    section = f"{space}s"
+    reading.shop.things[space] = entities((), {part: np.zeros(0, dtype=np.int64) for part in parts})
+    seen: list[NameColumn] = []
+    for k, table in enumerate(getattr(reading.project, section)):
+        reading.begin(section, k, table)
+        rows = read_table(table, columns, reading.at(section, k))
+        reading.watch(table.file)
+        if rows is None:
+            continue
+        names = rows.text("id")
+        if "set" in rows.texts:
+            names = [set_name(*pair) for pair in zip(names, rows.text("set"), strict=True)]
+        check_unique(space, names, rows, seen)
+        reading.table_ids[section, k] = names
+        found = read(reading, table, rows, names)
+        if found is not None:
+            known = reading.shop.things[space]
+            blocks = {part: np.concatenate([known.parts[part], found[part]]) for part in parts}
+            reading.shop.things[space] = entities((*known.ids, *names), blocks)
+            reading.end(space, len(names))
 
 
 def _first(seen: list[NameColumn], name: str) -> str:
@@ -289,7 +321,11 @@ class PointTable(NamedTuple):
     """(n, 2) ξ, η."""
 
 
-def _columns(reading: Reading, system: ReferenceSystem) -> list[Column]:
+def read_point_table(
+    reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[NameColumn]
+) -> PointTable | None:
+    """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
+    place = reading.at("points", number)
     edge = reading.edge
     columns = [Column("id", required=True)]
     for name in system.coordinates:
@@ -297,15 +333,7 @@ def _columns(reading: Reading, system: ReferenceSystem) -> list[Column]:
         columns += [number_column(prefix + name, quantity, edge) for prefix in ("", "start_")]
     columns += [number_column(f"sigma_{name}", LENGTH, edge) for name in ENU]
     columns += [number_column("sigma", LENGTH, edge), number_column(GEOID, LENGTH, edge)]
-    return columns + [number_column(name, ANGLE, edge) for name in DEFLECTIONS]
-
-
-def read_point_table(
-    reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[NameColumn]
-) -> PointTable | None:
-    """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
-    place = reading.at("points", number)
-    rows = read_table(table, _columns(reading, system), place)
+    rows = read_table(table, columns + [number_column(name, ANGLE, edge) for name in DEFLECTIONS], place)
     if rows is None:
         return None
     names = rows.text("id")
@@ -466,7 +494,10 @@ def read_world(reading: Reading) -> None:
         of_projection = {type_.key: type_ for type_ in own if system.kind == "projected"}
         reading.types = {**earth_types(world.horizon), **of_projection}
         _add(reading, world, tables)
-        _note(reading, world)
+        place: TableLocation = reading.at("world")
+        given = any(np.isfinite(world.at_points[name]).any() for name in DEFLECTIONS)
+        verticals = "with the deflections given" if given else "without deflections"
+        reading.notes.append(place.problem(f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"))
 
 
 def _system(reading: Reading, section: WorldSection) -> ReferenceSystem | None:
@@ -617,13 +648,6 @@ def _control(
     )
 
 
-def _note(reading: Reading, world: EarthModel) -> None:
-    place: TableLocation = reading.at("world")
-    given = any(np.isfinite(world.at_points[name]).any() for name in DEFLECTIONS)
-    verticals = "with the deflections given" if given else "without deflections"
-    reading.notes.append(place.problem(f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"))
-
-
 # ---- Object points of a project, and the checks that every named table shares.
 
 
@@ -634,23 +658,7 @@ def read_points(reading: Reading) -> None:
         reading.shop.things["point"] = entities((), {"position": nothing, "height": nothing})
         read_world(reading)
         return
-    ids: list[str] = []
-    numbers: list[IntArray] = []
-    seen: list[NameColumn] = []
-    for k, table in enumerate(reading.project.points):
-        reading.begin("points", k, table)
-        found = _read_points_table(reading, table, reading.at("points", k), seen)
-        reading.watch(table.file)
-        if found is None:
-            continue
-        names, blocks = found
-        ids += names
-        reading.end("point", len(names))
-        numbers.append(blocks)
-        if table.group:
-            reading.groups.setdefault(table.group, []).extend(blocks.tolist())
-    position = np.concatenate(numbers) if numbers else np.zeros(0, dtype=np.int64)
-    reading.shop.things["point"] = entities(ids, {"position": position, "height": np.zeros_like(position)})
+    read_named(reading, "point", ("position", "height"), point_columns(reading), _points_of_table)
 
 
 def point_columns(reading: Reading) -> list[Column]:
@@ -659,17 +667,12 @@ def point_columns(reading: Reading) -> list[Column]:
     return [*columns, number_column("sigma", LENGTH, reading.edge)]
 
 
-def _read_points_table(
-    reading: Reading, table: Points, place: TableLocation, seen: list[NameColumn]
-) -> tuple[list[str], IntArray] | None:
-    rows = read_table(table, point_columns(reading), place)
-    if rows is None:
-        return None
-    names = rows.text("id")
-    check_unique("point", names, rows, seen)
+def _points_of_table(reading: Reading, table: Points, rows: Rows, names: list[str]) -> Blocks:
     statuses = component_rows(rows, POINT.components, table.fixed, rows.number("sigma"))
-    statuses = in_dimensions(statuses, reading)
-    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
+    blocks = reading.shop.store("point").add(names, *inwards(reading.edge, in_dimensions(statuses, reading)))
+    if table.group:
+        reading.groups.setdefault(table.group, []).extend(blocks.tolist())
+    return {"position": blocks, "height": np.zeros_like(blocks)}
 
 
 def add_free_points(reading: Reading, names: Sequence[str]) -> None:

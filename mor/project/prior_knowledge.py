@@ -137,8 +137,6 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
-_BESIDE = 0.01
-"""Distance from a line, in parts of the extent, from which on a point is beside it."""
 
 
 class _System(NamedTuple):
@@ -461,7 +459,8 @@ def farthest_from_line(coordinates: FloatArray, D: FloatArray, centre: FloatArra
     local = np.nan_to_num((coordinates - centre) @ D.T)
     away = np.hypot(local[:, 0], local[:, 1])
     farthest = int(np.argmax(away))
-    return farthest if away[farthest] > _BESIDE * np.abs(local).max() else -1
+    # A point is beside a line if its distance from it is more than 1 % of the extent.
+    return farthest if away[farthest] > 0.01 * np.abs(local).max() else -1
 
 
 def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
@@ -532,7 +531,7 @@ def upright(directions: FloatArray) -> FloatArray:
 
 
 def check_feasible(
-    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: Sequence[Message] = ()
+    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: Sequence[Message]
 ) -> None:
     """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates.
 

@@ -9,10 +9,12 @@ import os
 import re
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from importlib.resources import files
 from itertools import combinations, pairwise, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
 from statistics import median
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import yaml
@@ -26,45 +28,13 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
 
-_FROM = (
-    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
-    "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
-    "|instrumentenstandpunkt|setup|basepoint|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
-    "|estacao|stazione|st|est|punktodstania|stanowisko"
-    "|od|de|desde|da|durulannokta|dn|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
-)
-_TO = (
-    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
-    "|tostation|targetid|targetname|tgtpt|tgt"
-    "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado"
-    "|ptovisado|visado|puntoobservado|observado"
-    "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
-    "|secondpoint|secondpointnumber|ciel|cil"
-    "|do|vers|hacia|hasta|a|bakılannokta|bn|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
-)
-_POINT = (
-    "point|pointid|pt|ptid|pnt|pntid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
-    "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
-    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto"
-    "|nombrepunto|pto"
-    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|точка|номерточки|имяточки|titik|notitik|namatitik"
-)
-_HEIGHTS = {
-    "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
-    "|heightofinstrument|instrumenthoehe|kippachsenhoehe|instrht|insth|hauteurinstrument|hauteurappareil|hauteurstation"
-    "|alturainstrumento|alturadelinstrumento|alturadoinstrumento|altinstrumento|altinst|ai|altezzastrumentale"
-    "|altezzastrumento|altstrum"
-    "|wysokoscinstrumentu|aletyueksekligi|высотаинструмента|высотаприбора|tinggialat",
-    "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
-    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe|hp|hv|hauteurprisme|hauteurvoyant|hauteurcible"
-    "|hauteurreflecteur|alturaprisma|alturadelprisma|alturadoprisma|altprisma|ap|alturajalon|alturaobjetivo|alturasinal"
-    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht"
-    "|wysokosccelu|wysokosclustra|reflektoeryueksekligi|hedefyueksekligi|высотацели|высотаотражателя"
-    "|tinggitarget|tinggiprisma",
-}
+_LISTED = yaml.safe_load(files("mor.project").joinpath("column_names.yaml").read_text(encoding="utf-8"))
+_N = SimpleNamespace(**{meaning: "|".join(names.split()) for meaning, names in _LISTED.items()})
+"""Names of columns in many languages by their meaning, each list joined by bars."""
+_HEIGHTS = {"from_height": _N.from_height, "to_height": _N.to_height}
 _SIGHT = {
-    "station_height": f"fromheight|{_HEIGHTS['from_height']}",
-    "to_height": _HEIGHTS["to_height"],
+    "station_height": f"fromheight|{_N.from_height}",
+    "to_height": _N.to_height,
     "set": "set|satz|setid|setno|setnr|round|series",
     "face": "face|facenr|faceno|lage|kreislage",
     "epoch": "epoch|epoche",
@@ -77,71 +47,12 @@ def _precisions(names: str) -> str:
     return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
 
 
-_IMAGE = "bildname|bildnr|image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
-_STANDARD_DEVIATION = "std|stdev|stddev|standarddeviation|err|error|uncertainty|precision"
-_BETWEEN = {**_HEIGHTS, "sigma": _STANDARD_DEVIATION, "epoch": "epoch|epoche"}
-_LENGTHS = (
-    "laenge|linelength|length|distance|dist|strecke|d|distancia|longitud|longueur|distanza|długosc|odległosc"
-    "|mesafe|uzunluk"
-    "|расстояние|длина|jarak"
-)
-"""Names of a distance that beside a height difference is the length of a levelling line."""
-_DISTANCE = (
-    "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
-    "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
-    "|distancia|distanzainclinata|distinclinata|distanza"
-    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|kenar|наклонноерасстояние|расстояние|длина"
-    "|jarakmiring|jarak"
-)
-_PLAN_DISTANCE = (
-    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance"
-    "|horizontalstrecke"
-    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal"
-    "|distanciareducida"
-    "|distanzaorizzontale|distorizzontale"
-    "|odległoscpozioma|yataymesafe|yatayuzunluk|горизонтальноепроложение|горизонтальноерасстояние"
-    "|jarakhorizontal|jarakdatar"
-)
-_BEARING = (
-    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing"
-    "|qb|rb|course"
-    "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
-    "|azymut|semt|acıklıkacısı|азимут|дирекционныиугол"
-)
-_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|kenar|d"
+_BETWEEN = {**_HEIGHTS, "sigma": _N.standard_deviation, "epoch": "epoch|epoche"}
+_BEARING_DISTANCE = f"{_N.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
-_HORIZONTAL = (
-    "horizontal|hz|ha|dir|direc|hcr|hcrobservation|hdir|hangle|hzangle|horizontalangle|horizontaldirection"
-    "|horizontalcircle|direction|richtung|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung"
-    "|horizontalrichtung|horizangle|horangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel"
-    "|horizontalang|hzang|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
-    "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
-    "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
-    "|kierunek|kierunekpoziomy|katpoziomy|yatayacı|yataydogrultu|dogrultu|горизонтальныиугол"
-    "|горизонтальноенаправление|направление|suduthorizontal|sudutmendatar"
-)
-_ZENITH = (
-    "zenith|zeta|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
-    "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
-    "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
-    "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
-    "|leituravertical|angulozenital|zenital|angoloverticale|angolozenitale|cerchioverticale|zenitale"
-    "|katzenitalny|katpionowy|dueseyacı|zenitacısı|вертикальныиугол|зенитныиугол|зенитноерасстояние"
-    "|sudutvertikal|sudutzenit"
-)
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
-_ELEVATION = 45.0
-"""Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
-_POINTS = {
-    "x": "x|x0|xo|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx|pointx"
-    "|este|est|coordx",
-    "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy|pointy"
-    "|norte|coordy",
-    "z": "z|z0|zo|zaltitude|h|height|wysokosc|yuekseklik|kot|высота|отметка|tinggi|elevasi|elevation|elev|el"
-    "|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
-    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz|elevatie|startingelevation|startelevation",
-}
+_POINTS = {"x": _N.x, "y": _N.y, "z": _N.z}
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
     f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
@@ -162,27 +73,10 @@ _ENDS = {
     "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
 }
 """Names of both ends of a line, which no list of points has."""
-_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_POINT}|{_TO}")
+_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_N.point}|{_N.to}")
 """Names of points with a staff, without those that may be numbers of rows or readings."""
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
-_BACK = (
-    "back|backsight|bs|ab|achterbaak|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
-    "|arriere|lecturearriere"
-    "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
-    "|wstecz|odczytwstecz|geri|geriokuma|назад|отсчетназад|belakang|bacaanbelakang"
-)
-_BETWEEN_READINGS = (
-    "between|is|ifs|zs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
-    "|vistaintermedia"
-    "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
-)
-_FORE = (
-    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant"
-    "|lectureavant|lectav"
-    "|vb|voorbaak|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
-    "|wprzod|odczytwprzod|ileri|ileriokuma|вперед|отсчетвперед|muka|bacaanmuka"
-)
 _STAFF_HEIGHTS = ("height", "hgt")
 """Names of the height at which a staff is read, behind the name of the reading."""
 _CODES = {
@@ -191,35 +85,28 @@ _CODES = {
     **dict.fromkeys(["i", "is", "intermediate", "zwischenblick", "z", "zs"], "between"),
 }
 """Codes of staff readings in a column of their own; others are those of results."""
-_STAFF_DISTANCES = {
-    "back_distance": "bsdistance|bsdist|abdist"
-    "|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
-    "|distatras",
-    "fore_distance": "fsdistance|fsdist|vbdist"
-    "|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
-    "|distadelante",
-}
+_STAFF_DISTANCES = {"back_distance": _N.back_distance, "fore_distance": _N.fore_distance}
 
 
 def _joined(names: str, *ends: object) -> str:
     return "|".join(f"{name}{end}" for name in names.split("|") for end in ends)
 
 
-_SECOND = {"back2": _joined(_BACK, 2), "fore2": _joined(_FORE, 2)}
+_SECOND = {"back2": _joined(_N.back, 2), "fore2": _joined(_N.fore, 2)}
 """Readings of a second instrument on the same points."""
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
         {
-            "image": f"{_IMAGE}|img|filename|picture|imagefile|photoname",
-            "point": f"{_POINT}|id|target",
+            "image": f"{_N.image}|img|filename|picture|imagefile|photoname",
+            "point": f"{_N.point}|id|target",
             "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
             "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
         },
         {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
     ),
     "zenith_directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r", "zenith": _ZENITH},
+        {"station": _N.from_, "to": f"{_N.to}|{_N.point}|id", "horizontal": f"{_N.horizontal}|r", "zenith": _N.zenith},
         {
             **_SIGHT,
             "sigma_horizontal": _precisions("hz|dir|direc|direction|horizontal"),
@@ -228,8 +115,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
     ),
     "directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r"},
-        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz')}|{_STANDARD_DEVIATION}|md"},
+        {"station": _N.from_, "to": f"{_N.to}|{_N.point}|id", "horizontal": f"{_N.horizontal}|r"},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz')}|{_N.standard_deviation}|md"},
     ),
     "angle": (
         {
@@ -238,85 +125,88 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
             "angle": "angle|ang|winkel|angleright|horizontalangle",
         },
-        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{_STANDARD_DEVIATION}"},
+        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{_N.standard_deviation}"},
     ),
     "levelling between points": (
         {
-            "from": f"{_FROM}|bspoint|backpoint|backsightstation",
+            "from": f"{_N.from_}|bspoint|backpoint|backsightstation",
             "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
-            "back": _BACK,
-            "fore": _FORE,
+            "back": _N.back,
+            "fore": _N.fore,
         },
-        {**_STAFF_DISTANCES, "distance": _LENGTHS},
+        {**_STAFF_DISTANCES, "distance": _N.length},
     ),
     "levelling": (
         {
-            "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
-            "back": _joined(_BACK, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
-            "fore": _joined(_FORE, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "point": f"{_NAMED}|{_N.from_}|{_N.point}|id|remarks|remark|bemerkung",
+            "back": _joined(_N.back, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "fore": _joined(_N.fore, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
         },
         {
             **_SECOND,
-            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE, *_STAFF_HEIGHTS),
-            "distance": _LENGTHS,
+            "between": _joined(_N.between, "", *_MIDDLE, *_STAFF_HEIGHTS),
+            "distance": _N.length,
             **_STAFF_DISTANCES,
             "height": _POINTS["z"],
         },
     ),
     "levelling by codes": (
         {
-            "point": f"{_NAMED}|{_POINT}|id",
+            "point": f"{_NAMED}|{_N.point}|id",
             "reading": "height|hoogte|hoehe|reading|staffreading",
             "code": "meastype|measurementtype|meettype|messtyp|messart",
         },
-        {"distance": f"{_LENGTHS}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
+        {"distance": f"{_N.length}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
     ),
     "vector": (
-        {"from": _FROM, "to": _TO, **_VECTOR},
+        {"from": _N.from_, "to": _N.to, **_VECTOR},
         {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}|m{name}" for name in _VECTOR}},
     ),
-    "zenith_angle": ({"from": _FROM, "to": f"{_TO}|{_POINT}", "zenith_angle": _ZENITH}, _BETWEEN),
-    "bearing": ({"from": _FROM, "to": _TO, "bearing": _BEARING}, _BETWEEN),
+    "zenith_angle": ({"from": _N.from_, "to": f"{_N.to}|{_N.point}", "zenith_angle": _N.zenith}, _BETWEEN),
+    "bearing": ({"from": _N.from_, "to": _N.to, "bearing": _N.bearing}, _BETWEEN),
     "traverse by legs": (
         {
             "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach|lado|linea|tramo|alineacion|cote|lato",
-            "bearing": _BEARING,
+            "bearing": _N.bearing,
             "distance": _BEARING_DISTANCE,
         },
         {},
     ),
-    "traverse": ({"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE}, {}),
+    "traverse": (
+        {"point": f"{_N.from_}|{_N.point}|id|corner", "bearing": _N.bearing, "distance": _BEARING_DISTANCE},
+        {},
+    ),
     "traverse by angles": (
         {
-            "point": f"{_FROM}|{_POINT}|id|corner",
+            "point": f"{_N.from_}|{_N.point}|id|corner",
             "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
             "|innenwinkel|brechungswinkel|anguloobservado|angulointerno|angulointerior",
             "distance": _BEARING_DISTANCE,
         },
         {},
     ),
-    "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
+    "vertical_direction": ({"from": _N.from_, "to": _N.to, "vertical_direction": ""}, _BETWEEN),
     "distance": (
-        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": f"{_DISTANCE}|s"},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}|ms"},
+        {"from": _N.from_, "to": f"{_N.to}|{_N.point}", "distance": f"{_N.distance}|s"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_N.standard_deviation}|ms"},
     ),
     "height_difference": (
         {
-            "from": _FROM,
-            "to": _TO,
+            "from": _N.from_,
+            "to": _N.to,
             "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee|desnivel"
             "|dislivello"
             "|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
-            "length": f"km|lengthkm|skm|l|{_LENGTHS}",
+            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_N.standard_deviation}",
+            "length": f"km|lengthkm|skm|l|{_N.length}",
             "epoch": "epoch|epoche",
         },
     ),
     "horizontal_distance": (
-        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
+        {"from": _N.from_, "to": f"{_N.to}|{_N.point}", "distance": _BEARING_DISTANCE},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_N.standard_deviation}"},
     ),
     "observations by type": (
         {
@@ -326,28 +216,28 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"unit": "units|einheit|unidad|unite"},
     ),
     "images": (
-        {"id": f"id|{_IMAGE}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
+        {"id": f"id|{_N.image}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
         {**_POINTS, **_STATED, "camera": "kamera"},
     ),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
-    "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
-    "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{_POINT}|nn|station|target|p", **_POINTS}, _STATED),
+    "stations": ({"id": f"id|{_N.from_}", "orientation": "orientierung"}, {"point": _N.point, "height": "ih|hi"}),
+    "stations over points": ({"id": "id|station", "point": _N.point, "height": "ih|hi"}, {"set": ""}),
+    "points": ({"id": f"id|{_N.point}|nn|station|target|p", **_POINTS}, _STATED),
     "vector by coordinates": (
         {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
         {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
     ),
     "height_difference by heights": (
         {**_ENDS, "dz": "height|elevation|h"},
-        {"sigma": f"{_precisions('height|elevation|h')}|{_STANDARD_DEVIATION}", "length": f"km|{_LENGTHS}"},
+        {"sigma": f"{_precisions('height|elevation|h')}|{_N.standard_deviation}", "length": f"km|{_N.length}"},
     ),
-    "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
+    "images with positions": ({"id": _N.image, **_POINTS}, _STATED),
     "points in the plane": (
-        {"id": f"id|{_POINT}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        {"id": f"id|{_N.point}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
     ),
     "points with heights": (
-        {"id": f"id|{_POINT}|nn", "z": _POINTS["z"]},
+        {"id": f"id|{_N.point}|nn", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
     ),
 }
@@ -363,8 +253,6 @@ _ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*|;.*)$", re.IGN
 """A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
 _WITH_UNIT = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|[\s_]in[\s_]([A-Za-zµ]+)|_([A-Za-zµ]+))")
 _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
-_BACKSIGHT = ("backsight", "bs")
-"""Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
 _LINES = ("distance", "horizontal_distance")
 """Kinds of distances: one is computed from the other where a table has both."""
 _ALSO = {
@@ -409,8 +297,6 @@ _PLACEHOLDER = re.compile(r"column\d+")
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
-_WIRES = 0.1
-"""Part of the interval of the outer wires by which the middle one may be off."""
 _HAIRS = tuple(
     tuple(re.compile(f"(?:hilo|fil|filo)?(?:{name})(?:hair|wire|stadia|reading|faden)?") for name in names)
     for names in (
@@ -420,7 +306,7 @@ _HAIRS = tuple(
     )
 )
 """Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
-_HAIRED_NAMES = {"back": _BACK.split("|"), "fore": _FORE.split("|"), "between": _BETWEEN_READINGS.split("|")}
+_HAIRED_NAMES = {"back": _N.back.split("|"), "fore": _N.fore.split("|"), "between": _N.between.split("|")}
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 _WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
     word: unit
@@ -438,9 +324,6 @@ _WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
 _BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, _UNITS))})[)\]])(?= |$)", re.IGNORECASE)
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
-_LONGEST_HEADING = 200
-_SHORT = 3
-"""Letters of headings such as D, M, S and sec, which say nothing without the one above them."""
 _TITLES = 20
 """Rows among which the header is looked for."""
 _STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
@@ -452,8 +335,6 @@ _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
 _PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
-_DISTINCT = 12
-"""Different angles that tell d.mmss: as many others have minutes and seconds below 60 once in 200 000 tables."""
 _QUADRANT = re.compile(
     r"(?P<from>[NS])\s*(?P<d>\d+(?:[.,]\d+)?)(?:\s*[-°ºd:\s]\s*(?P<m>\d+(?:[.,]\d+)?))?"
     r"(?:\s*[-'’′m:\s]\s*(?P<s>\d+(?:[.,]\d+)?))?[\s°ºd'’′m\"”″s-]*(?P<to>[EWO])\.?",
@@ -494,12 +375,6 @@ _CIRCLES = {"gon": 400.0, "deg": 360.0}
 _WAYS = tuple(product(_CIRCLES, (1, -1)))
 _AGREES = 0.5
 """Part of the misfit in the other unit or sense that angles in theirs have at most."""
-_ELSEWHERE = 0.05
-"""Part of the largest image coordinate by which two places of one point do not differ."""
-_LEVEL = 2.0
-"""Degrees or gon that half of the sights rise or fall at most if their zenith angles tell the unit."""
-_REVERSED = 0.02
-"""Part of the circle within which angles agree with exchanged axes."""
 _OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
@@ -560,14 +435,6 @@ class Found(NamedTuple):
     def has_heights(self) -> bool:
         """True if the table has heights, and not known positions with heights that are not known."""
         return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
-
-
-def recognise(path: Path) -> list[Found]:
-    """Read a table and return what it holds, with height differences for levelling books.
-
-    Raises :class:`InputError` as :func:`read_tables` and :func:`levelled` do.
-    """
-    return levelled(read_tables(path))
 
 
 def read_tables(path: Path) -> list[Found]:
@@ -1271,7 +1138,8 @@ def _are_wires(values: Sequence[float | None]) -> bool:
         return not any(values)
     upper, middle, lower = (value or 0.0 for value in values[:3])
     mean = values[3] or 0.0 if len(values) > 3 else middle
-    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= _WIRES * (upper - lower)
+    # The middle wire may be off by a tenth of the interval of the outer ones.
+    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= 0.1 * (upper - lower)
 
 
 class _LevelRow(NamedTuple):
@@ -1510,7 +1378,8 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         group = cell if is_own else group
         divided |= bool(part) and not is_own
         # A name of its own that no other group has needs none, as the height behind the readings of a book.
-        is_alone = not is_own and name in _KNOWN and len(name) > _SHORT and parts.count(name) == 1
+        # Headings of up to three letters such as D, M, S and sec say nothing without the one above them.
+        is_alone = not is_own and name in _KNOWN and len(name) > 3 and parts.count(name) == 1
         names.append((part.strip() if is_alone else f"{group} {part.strip()}") if part.strip() else cell)
     return _with_hairs(names) if divided else ()
 
@@ -1612,7 +1481,8 @@ def _without_packed_angles(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
         digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
         long = {text for text in digits if len(text.rstrip("0")) > 2}
         numbers = [_cell(row, k) for row in body if _NUMBER.fullmatch(_cell(row, k))]
-        if len(long) < _DISTINCT or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
+        # Twelve different angles tell d.mmss: in others all minutes and seconds are below 60 once in 200 000 tables.
+        if len(long) < 12 or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
             continue
         texts = []
         for row, match in zip(body, cells, strict=True):
@@ -1756,7 +1626,8 @@ def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], ro
         place = header.index(kinds[kind][old])
         cells = (row[place].strip().replace(",", ".") for row in rows if len(row) > place)
         values = [abs(float(match[0])) for match in map(_LEADING.match, cells) if match]
-        if values and median(values) < _ELEVATION:
+        # The median of zenith angles is larger than 45 degrees or gon, that of elevations is smaller.
+        if values and median(values) < 45.0:
             columns = kinds.pop(kind)
             kinds[other] = {column if name == old else name: cell for name, cell in columns.items()}
 
@@ -1799,7 +1670,8 @@ def _with_image_points_apart(tables: Sequence[Found]) -> list[Found]:
             continue
         both = [(places[0][key], places[1][key]) for key in shared]
         size = max(abs(value) for pair in both for place in pair for value in place)
-        apart = sum(max(abs(a - b) for a, b in zip(*pair, strict=True)) > _ELSEWHERE * size for pair in both)
+        # Two places of one point differ by less than 5 % of the largest image coordinate.
+        apart = sum(max(abs(a - b) for a, b in zip(*pair, strict=True)) > 0.05 * size for pair in both)
         if 2 * apart <= len(shared):
             continue
         is_control = [name <= listed for name in names]
@@ -1962,7 +1834,8 @@ def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
 
 def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
     names = {text for _, text, _ in named}
-    backsights = not names.isdisjoint(_BACKSIGHT)
+    # Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one.
+    backsights = not names.isdisjoint(("backsight", "bs"))
     for kind in ("angle", *KINDS) if backsights else KINDS:
         columns = (_columns(kind, _without_place(named)) if kind == "image" else None) or _columns(kind, named)
         if columns is not None:
@@ -1970,7 +1843,7 @@ def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str
     else:
         return {}
     found = {kind: columns}
-    if kind == "distance" and _normalised(_name_and_unit(columns[kind])[0]) in _LENGTHS.split("|"):
+    if kind == "distance" and _normalised(_name_and_unit(columns[kind])[0]) in _N.length.split("|"):
         levelled = _columns("height_difference", named)
         if levelled is not None:
             return {"height_difference": levelled}
@@ -2024,7 +1897,7 @@ def _named(header: Sequence[str]) -> list[tuple[str, str, str]]:
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
     """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
-    if len(cell) > _LONGEST_HEADING:
+    if len(cell) > 200:
         return cell, ""
     match = _WITH_UNIT.fullmatch(cell.strip())
     if match:
@@ -2069,8 +1942,6 @@ _VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direct
 _VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
 _PLANE = {"angle", "bearing", "directions", "horizontal_distance"}
 """Types without heights."""
-_PIXELS = 100.0
-"""Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
 
 _DECIMETRE = 0.1
@@ -2231,7 +2102,8 @@ def _from_a_corner(table: Found) -> bool:
     if table.units.get("x", "px") != "px":
         return False
     values = [value for name in "xy" for value in table.numbers(name)]
-    return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
+    # Image coordinates that go beyond 100 and never below zero are pixels from a corner.
+    return bool(values) and min(values) >= 0.0 and max(values) > 100.0
 
 
 class _Circles(NamedTuple):
@@ -2264,12 +2136,14 @@ def _circles(tables: Sequence[Found]) -> _Circles:
     zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
     least = {name: min(best[name, 1], best[name, -1]) for name in _CIRCLES}
     level = [median(abs(v % (full / 2) - full / 4) for v in zeniths or (0.0,)) for full in _CIRCLES.values()]
-    if min(level) < _LEVEL:  # steep sights, as to a facade, do not tell
+    # Zenith angles tell the unit if half of the sights rise or fall by at most 2 degrees or gon; steep ones do not.
+    if min(level) < 2.0:
         least = dict(zip(_CIRCLES, level, strict=True))
     first, second = sorted(_CIRCLES, key=lambda name: least[name])
     told = first if least[first] < _AGREES * least[second] else ""
     known = told or "gon"
-    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], _REVERSED)
+    # With exchanged axes angles agree within 2 % of the circle.
+    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], 0.02)
     return _Circles(told if bare else None, is_reversed)
 
 
@@ -2299,21 +2173,18 @@ def _is_bare(table: Found, name: str) -> bool:
     return name in table.columns and name not in table.units and bool(table.numbers(name))
 
 
-_AT = {
-    "angle": ("at", "from", "to", "angle"),
-    "bearing": ("from", "from", "to", "bearing"),
-    "directions": ("station", "station", "to", "horizontal"),
-    "zenith_directions": ("station", "station", "to", "horizontal"),
-}
-"""Columns with the point of the circle, where an angle begins and ends, and the reading."""
-
-
 def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float, sense: int) -> float | None:
     """Median misfit of angles to coordinates as part of the circle, ``None`` without both.
 
     Angles in no stated unit are in the unit that has ``full`` in a circle. ``sense`` -1 is that of exchanged axes.
     """
-    names = _AT.get(table.kind)
+    # Columns with the point of the circle, where an angle begins and ends, and the reading.
+    names = {
+        "angle": ("at", "from", "to", "angle"),
+        "bearing": ("from", "from", "to", "bearing"),
+        "directions": ("station", "station", "to", "horizontal"),
+        "zenith_directions": ("station", "station", "to", "horizontal"),
+    }.get(table.kind)
     if names is None:
         return None
     before: tuple[str, float, float] | None = None

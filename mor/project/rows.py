@@ -15,7 +15,7 @@ from mor.model.contract import POSITIONS, Names, ObservationGroup, ObservationTy
 from mor.model.observation_types import PLAIN_TYPES
 from mor.model.rotations import rotation_from_angles, tangent_of_angles
 from mor.project.axes import Edge, UnitError
-from mor.project.entities import Reading, entities, unknown_name
+from mor.project.entities import Reading, entities, set_name, unknown_name
 from mor.project.points import add_free_points
 from mor.project.schema import Observations
 from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column
@@ -23,11 +23,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, NUMBER
 
 # ---- Orientations of theodolite stations: sets of their own, and stations at which no direction was observed.
-
-
-def set_name(station: str, set_: str) -> str:
-    """Name of a set of directions; a station without sets is its own."""
-    return f"{station}/{set_}" if set_ else station
 
 
 def freedom_of_set(reading: Reading, station: str) -> BoolArray:
@@ -226,15 +221,13 @@ def _without_one(name: str) -> list[str]:
 
 # ---- Names in observation tables: what they stand for, and what is wrong with them.
 
-_NEUTRAL = ("distance meter", "refraction", "gnss frame")
-"""Parts of instruments whose block 0 is that of none; others have none."""
-
 
 def instrument_blocks(reading: Reading, entry: Observations, place: TableLocation) -> dict[str, int]:
     """Blocks of the instrument of a group, neutral ones or -1 where it names none; nothing if it is unknown."""
     instruments = reading.shop.things["instrument"]
     if entry.instrument is None:
-        return {part: 0 if part in _NEUTRAL else -1 for part in instruments.parts}
+        # Parts of instruments whose block 0 is that of none; others have none.
+        return {part: 0 if part in ("distance meter", "refraction", "gnss frame") else -1 for part in instruments.parts}
     if entry.instrument not in instruments.numbers:
         if "instrument" not in reading.broken:
             place.tell(unknown_name("instrument", entry.instrument, instruments.ids), "instrument")
@@ -417,7 +410,8 @@ def with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, nu
 def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray, given: FloatArray) -> None:
     of_station = reading.shop.store("height").all_values()[heights, 0]
     with np.errstate(invalid="ignore"):
-        other = np.flatnonzero((heights != 0) & np.isfinite(given) & (np.abs(given - of_station) > _SAME))
+        # Heights that differ by less than 1e-9 units of length are the same.
+        other = np.flatnonzero((heights != 0) & np.isfinite(given) & (np.abs(given - of_station) > 1e-9))
     if not len(other):
         return
     row = int(other[0])
@@ -428,10 +422,6 @@ def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray
         f"{own}; both are heights above the point and are not added. Rows of this kind: {len(other)}"
     )
     reading.notes.append(rows.problem(row, words))
-
-
-_SAME = 1e-9
-"""Heights that differ by less, in units of length, are the same."""
 
 
 def note_points_under_instruments(

@@ -44,6 +44,11 @@ def one_sign(sign: str) -> str:
     return sign
 
 
+def required(description: str) -> Any:
+    """A key that must be there."""
+    return Field(description=description)
+
+
 def optional(description: str, **limits: Any) -> Any:
     """A key that need not be there: ``None`` by default."""
     return Field(None, description=description, **limits)
@@ -127,22 +132,22 @@ class TableEntry(Strict):
 class DeflectionGrids(Strict):
     """Grids of the deflections of the vertical, arc seconds."""
 
-    north: Text = Field(description="Grid of ξ, north positive (GTX, GeoTIFF; arc seconds)")
-    east: Text = Field(description="Grid of η, east positive (GTX, GeoTIFF; arc seconds)")
+    north: Text = required("Grid of ξ, north positive (GTX, GeoTIFF; arc seconds)")
+    east: Text = required("Grid of η, east positive (GTX, GeoTIFF; arc seconds)")
 
 
 class Origin(Strict):
     """Origin of the object system in the horizon, at height 0."""
 
-    latitude: Measure = Field(description="Latitude, in the unit of angles or with one of its own (49.6412 deg)")
-    longitude: Measure = Field(description="Longitude, likewise")
+    latitude: Measure = required("Latitude, in the unit of angles or with one of its own (49.6412 deg)")
+    longitude: Measure = required("Longitude, likewise")
 
 
 class World(Strict):
     """Position of the network on the earth: its points are given in a coordinate reference system."""
 
-    crs: Text = Field(
-        description="Coordinate reference system of the points: EPSG code (EPSG:25832, compound EPSG:25832+7837) or WKT"
+    crs: Text = required(
+        "Coordinate reference system of the points: EPSG code (EPSG:25832, compound EPSG:25832+7837) or WKT"
     )
     heights: Literal["ellipsoidal", "orthometric"] | None = optional(
         "What heights of points are above: the ellipsoid or the geoid; where crs does not say it"
@@ -162,9 +167,9 @@ class World(Strict):
 class SphereOrigin(Strict):
     """Position of the sphere: plan coordinates of a point, and the height at which distances are those of the plan."""
 
-    x: Measure = Field(description="x in the axes of the project")
-    y: Measure = Field(description="y in the axes of the project")
-    z: Measure = Field(description="Height of the sphere: distances at this height are those between coordinates")
+    x: Measure = required("x in the axes of the project")
+    y: Measure = required("y in the axes of the project")
+    z: Measure = required("Height of the sphere: distances at this height are those between coordinates")
 
 
 class Curvature(Strict):
@@ -195,8 +200,8 @@ class Epochs(Strict):
 class MotionEntry(TableEntry):
     """Points that move alike: all that are named, or those of a table with a column id."""
 
-    model: Literal["velocity", "seasonal", "steps", "epochs"] = Field(
-        description="velocity: vx, vy, vz in a year; seasonal: an annual oscillation sin_x … cos_z; "
+    model: Literal["velocity", "seasonal", "steps", "epochs"] = required(
+        "velocity: vx, vy, vz in a year; seasonal: an annual oscillation sin_x … cos_z; "
         "steps: dx, dy, dz at a time; epochs: coordinates of its own in every epoch"
     )
     points: list[Name] | None = optional("In place of a table: names, groups of points, or patterns such as D*")
@@ -384,7 +389,7 @@ Setting = Measure | Value
 class Atmosphere(Strict):
     """Constants of the first velocity correction, which is computed from columns of the air."""
 
-    C: float = Field(description="Reference refractivity (n - 1) · 10⁶ of the instrument")
+    C: float = required("Reference refractivity (n - 1) · 10⁶ of the instrument")
     D: float | None = optional("Constant of its carrier wavelength, K/hPa · 10⁶")
     wavelength: Measure | None = optional("Its carrier wavelength in place of D: 0.658 um")
 
@@ -496,8 +501,8 @@ class Axes(Strict):
 class ImageFormat(Strict):
     """Size of the image and of a pixel; needed where image coordinates come in pixels."""
 
-    width: Measure = Field(description="Image width in px")
-    height: Measure = Field(description="Image height in px")
+    width: Measure = required("Image width in px")
+    height: Measure = required("Image height in px")
     pixel: Measure | None = optional("Size of one, e.g. 4.14 um; px need none")
 
 
@@ -607,13 +612,13 @@ class Systems(TableEntry):
 class Feature(Strict):
     """A geometric element that points lie on, with the σ of their distances from it."""
 
-    type: Literal["plane", "line", "right angle", "circle", "sphere", "cylinder", "cone", "torus"] = Field(
-        description="What the points lie on"
+    type: Literal["plane", "line", "right angle", "circle", "sphere", "cylinder", "cone", "torus"] = required(
+        "What the points lie on"
     )
-    id: Name = Field(description="Its name")
-    points: list[Name] = Field(description="Points on it, or on the first plane of a right angle")
+    id: Name = required("Its name")
+    points: list[Name] = required("Points on it, or on the first plane of a right angle")
     other: list[Name] = several("Points on the second plane of a right angle")
-    sigma: Measure = Field(description="σ of the distances of the points from it")
+    sigma: Measure = required("σ of the distances of the points from it")
     radius: Setting | None = optional("Radius; of a torus that of its centre line; an unknown if not given")
     minor_radius: Setting | None = optional("Radius of the tube of a torus; an unknown if not given")
     semi_angle: Setting | None = optional("Angle between axis and surface of a cone; an unknown if not given")
@@ -634,7 +639,7 @@ class Pairs(TableEntry):
 class Observations(TableEntry):
     """A group of observations of one type."""
 
-    type: Text = Field(description="Type of the observations: image, distance, directions and more")
+    type: Text = required("Type of the observations: image, distance, directions and more")
     instrument: Name | None = optional("Name of the instrument they were measured with")
     ppm: float = Field(0.0, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²", ge=0.0, le=1e50)
     centring: Centring | None = optional("Errors of the set-up of instrument and target")
@@ -733,7 +738,7 @@ class ProjectFile(Strict):
 
     model_config = ConfigDict(title="Project")
 
-    mor: Literal["1"] = Field(description="Version of the project file")
+    mor: Literal["1"] = required("Version of the project file")
     title: str = Field("", description="Heads the reports")
     date: Text | None = optional("When the observations were made: a day, or a span of days; stands on the reports")
     report: Report = Field(

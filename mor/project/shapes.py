@@ -50,8 +50,6 @@ _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
 _AGREEING, _SAME = 5, 1e-3
 """Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
-_RADII = {"torus": (1.0, 2.0)}
-"""Factors of the radius of the circle through the points: in a thick torus this circle follows the tube."""
 
 
 class Held(NamedTuple):
@@ -77,7 +75,7 @@ class FittedShape(NamedTuple):
     """(3,) radius, minor radius, semi-angle."""
 
 
-def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | None = None) -> FittedShape | None:
+def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | None) -> FittedShape | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
     Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature
@@ -105,13 +103,14 @@ def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | No
         free.shape & np.isnan(known),
     )
     found = [_guess(type_, q, D, known, free) for D in _candidates(q, free, held)]
+    # Factors of the radius of the circle through the points: in a thick torus this circle follows the tube.
     guesses = [
         [
             guess._replace(shape=guess.shape * np.where(free.shape & [True, False, False], factor, 1.0))
             for guess in found
             if guess is not None
         ]
-        for factor in _RADII.get(type_, (1.0,))
+        for factor in {"torus": (1.0, 2.0)}.get(type_, (1.0,))
     ]
     best = _refined(type_, q, guesses, free)
     if best is None:

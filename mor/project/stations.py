@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,11 +20,10 @@ from mor.model.parameters import (
     TIME_OFFSET,
     BlockKind,
 )
-from mor.project.entities import Reading, SetUp, entities, unknown_name
+from mor.project.entities import Reading, SetUp, entities, set_name, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
-from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
-from mor.project.rows import set_name
-from mor.project.schema import Instrument, Stations, Systems, TableEntry
+from mor.project.points import Blocks, position_columns, positions, read_named, rotations
+from mor.project.schema import Instrument, Pairs, Stations, Systems
 from mor.project.tables import (
     Column,
     Rows,
@@ -33,7 +32,6 @@ from mor.project.tables import (
     component_columns,
     component_rows,
     number_column,
-    read_table,
     settings,
 )
 from mor.types import BoolArray, FloatArray, IntArray
@@ -191,21 +189,7 @@ def _said(kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[
 
 def read_stations(reading: Reading) -> None:
     """Theodolite stations: a position (usually a point), a height, a rotation with its level."""
-    _read_frames(reading, "station", reading.project.stations, ("position", "height", "rotation"), _read_stations_table)
-
-
-def _read_frames(
-    reading: Reading, space: str, tables: Sequence[TableEntry], parts: Sequence[str], read: Callable[..., None]
-) -> None:
-    ids: list[str] = []
-    collected: dict[str, list[IntArray]] = {part: [] for part in parts}
-    seen: list[NameColumn] = []
-    for k, table in enumerate(tables):
-        reading.begin(f"{space}s", k, table)
-        read(reading, table, reading.at(f"{space}s", k), ids, collected, seen)
-    none = [np.zeros(0, dtype=np.int64)]
-    arrays = {part: np.concatenate(found or none) for part, found in collected.items()}
-    reading.shop.things[space] = entities(ids, arrays)
+    read_named(reading, "station", ("position", "height", "rotation"), station_columns(reading), _stations_of_table)
 
 
 def station_columns(reading: Reading) -> list[Column]:
@@ -222,42 +206,26 @@ def station_columns(reading: Reading) -> list[Column]:
     ]
 
 
-def _read_stations_table(
-    reading: Reading,
-    table: Stations,
-    place: TableLocation,
-    ids: list[str],
-    collected: dict[str, list[IntArray]],
-    seen: list[NameColumn],
-) -> None:
+def _stations_of_table(reading: Reading, table: Stations, rows: Rows, names: list[str]) -> Blocks:
     edge = reading.edge
-    rows = read_table(table, station_columns(reading), place)
-    if rows is None:
-        return
-    names = [set_name(*pair) for pair in zip(rows.text("id"), rows.text("set"), strict=True)]
-    check_unique("station", names, rows, seen)
     remember_epochs(reading, "station", names, rows)
     oriented = np.isfinite(rows.number("orientation"))
     if oriented.any():
         kappa = -(edge.zero_azimuth + edge.sense * rows.number("orientation"))
         rows.numbers["kappa"] = np.where(oriented, kappa, rows.number("kappa"))
-    position, height = _places(reading, table, rows, ids, collected)
-    collected["position"].append(position)
-    collected["height"].append(height)
+    position, height = _places(reading, table, rows)
     levelled = table.level == "fixed"
     if not levelled:
         for name in ROTATION.names[:2]:
             rows.numbers[name] = np.nan_to_num(rows.number(name))
     labels = [f"station {name}" for name in names]
-    collected["rotation"].append(rotations(reading, rows, labels, table.fixed, level=levelled, oriented=oriented))
-    reading.table_ids["stations", int(place.path[-1])] = names
-    ids += names
+    rotation = rotations(reading, rows, labels, table.fixed, level=levelled, oriented=oriented)
+    return {"position": position, "height": height, "rotation": rotation}
 
 
-def _places(
-    reading: Reading, table: Stations, rows: Rows, ids: list[str], collected: dict[str, list[IntArray]]
-) -> tuple[IntArray, IntArray]:
+def _places(reading: Reading, table: Stations, rows: Rows) -> tuple[IntArray, IntArray]:
     """Positions and heights of a table: own ones, or for a further set those of its station."""
+    earlier = reading.shop.things["station"]
     is_set = np.array([bool(name) for name in rows.text("set")])
     own = rows.take(np.flatnonzero(~is_set))
     labels = [f"station {name}" for name in own.text("id")]
@@ -265,9 +233,9 @@ def _places(
     if own.count:
         position[~is_set] = positions(reading, own, labels, table.fixed)
         height[~is_set] = heights(reading, own, labels, table.fixed, table.free)
-    earlier = [(*collected[part], column[~is_set]) for part, column in (("position", position), ("height", height))]
-    places = zip(*(np.concatenate(arrays) for arrays in earlier), strict=True)
-    known = dict(zip((*ids, *own.text("id")), places, strict=True))
+    columns = {"position": position, "height": height}.items()
+    places = zip(*(np.concatenate([earlier.parts[part], column[~is_set]]) for part, column in columns), strict=True)
+    known = dict(zip((*earlier.ids, *own.text("id")), places, strict=True))
     for i in np.flatnonzero(is_set).tolist():
         station = rows.text("id")[i]
         place = any(np.isfinite(rows.number(name)[i]) for name in (*POINT.names, *HEIGHT.names))
@@ -286,18 +254,6 @@ def _places(
 
 def read_systems(reading: Reading) -> None:
     """Local systems: origin, rotation, scale, offset."""
-    parts = ("position", "rotation", "scale", "offset")
-    _read_frames(reading, "system", reading.project.systems, parts, _read_systems_table)
-
-
-def _read_systems_table(
-    reading: Reading,
-    table: Systems,
-    place: TableLocation,
-    ids: list[str],
-    collected: dict[str, list[IntArray]],
-    seen: list[NameColumn],
-) -> None:
     columns = [
         Column("id", required=True),
         Column("point"),
@@ -305,23 +261,22 @@ def _read_systems_table(
         *position_columns(reading),
         *set_up_columns(reading, ECCENTRICITY, shared=False),
     ]
-    rows = read_table(table, columns, place)
-    if rows is None:
-        return
-    names = rows.text("id")
-    check_unique("system", names, rows, seen)
+    read_named(reading, "system", ("position", "rotation", "scale", "offset"), columns, _systems_of_table)
+
+
+def _systems_of_table(reading: Reading, table: Systems, rows: Rows, names: list[str]) -> Blocks:
     labels = [f"system {name}" for name in names]
     scale = component_rows(rows, SCALE.components, table.fixed)
     scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))
     wrong = (scale.values <= 0.0) | (scale.start <= 0.0)
     rows.tell_where(wrong[:, 0], "scale: expected a number above 0")
-    collected["position"].append(positions(reading, rows, labels, table.fixed))
-    collected["rotation"].append(rotations(reading, rows, labels, table.fixed))
-    collected["scale"].append(reading.shop.store("scale").add(labels, *scale))
     none = np.zeros(len(names), dtype=np.int64)
-    collected["offset"].append(eccentricities(reading, rows, labels, table.fixed, table.free, none))
-    ids += names
-    reading.end("system", len(names))
+    return {
+        "position": positions(reading, rows, labels, table.fixed),
+        "rotation": rotations(reading, rows, labels, table.fixed),
+        "scale": reading.shop.store("scale").add(labels, *scale),
+        "offset": eccentricities(reading, rows, labels, table.fixed, table.free, none),
+    }
 
 
 # ---- Instruments and stereo pairs of a project.
@@ -379,29 +334,13 @@ def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], place: T
 
 def read_pairs(reading: Reading) -> None:
     """Relative orientations of stereo pairs: base in the leading image's system, and rotation."""
-    ids: list[str] = []
-    base: list[IntArray] = []
-    rotation: list[IntArray] = []
-    seen: list[NameColumn] = []
-    for k, table in enumerate(reading.project.pairs):
-        reading.begin("pairs", k, table)
-        columns = [
-            Column("id", required=True),
-            *component_columns((*BASE.components, *ROTATION.components), reading.edge),
-        ]
-        rows = read_table(table, columns, reading.at("pairs", k))
-        if rows is None:
-            continue
-        names = rows.text("id")
-        check_unique("pair", names, rows, seen)
-        labels = [f"pair {name}" for name in names]
-        base.append(reading.shop.store("base").add(labels, *component_rows(rows, BASE.components, table.fixed)))
-        rotation.append(
-            reading.shop.store("rotation").add(labels, *component_rows(rows, ROTATION.components, table.fixed))
-        )
-        ids += names
-        reading.end("pair", len(names))
-    none = [np.zeros(0, dtype=np.int64)]
-    reading.shop.things["pair"] = entities(
-        ids, {"base": np.concatenate(base or none), "rotation": np.concatenate(rotation or none)}
-    )
+    columns = component_columns((*BASE.components, *ROTATION.components), reading.edge)
+    read_named(reading, "pair", ("base", "rotation"), [Column("id", required=True), *columns], _pairs_of_table)
+
+
+def _pairs_of_table(reading: Reading, table: Pairs, rows: Rows, names: list[str]) -> Blocks:
+    labels = [f"pair {name}" for name in names]
+    return {
+        kind.key: reading.shop.store(kind.key).add(labels, *component_rows(rows, kind.components, table.fixed))
+        for kind in (BASE, ROTATION)
+    }

@@ -183,16 +183,6 @@ def unknown_constants(placed: Placed, kind: BlockKind, numbers: IntArray, own: B
     return Unknown(kind.names, free & ~observed & own[:, None], (observed | ~own[:, None]) & any_[:, None])
 
 
-def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
-    names: dict[int, str] = {}
-    for space in ("position", "point"):
-        things = placed.network.things.get(space)
-        if things is not None:
-            here = np.flatnonzero(np.isin(things.parts["position"], numbers))
-            names |= {int(things.parts["position"][i]): things.ids[i] for i in here}
-    return [names.get(int(n), "") for n in numbers]
-
-
 def _frame_places(placed: Placed, positions: IntArray) -> dict[str, FloatArray]:
     """Places of frames on the earth, in the reference system; of those that stand on points none.
 
@@ -224,8 +214,14 @@ def pose_columns(
     edge = placed.network.edge
     on_earth = placed.network.world is not None
     places = _frame_places(placed, positions) if on_earth else coordinate_columns(placed, positions)
+    names: dict[int, str] = {}
+    for space in ("position", "point"):
+        things = placed.network.things.get(space)
+        if things is not None:
+            here = np.flatnonzero(np.isin(things.parts["position"], positions))
+            names |= {int(things.parts["position"][i]): things.ids[i] for i in here}
     return {
-        shared: _shared_names(placed, positions),
+        shared: [names.get(int(n), "") for n in positions],
         **places,
         **angle_columns(placed, rotations, edge.matrix if edge.turned and not level else np.eye(3)),
     }
@@ -262,8 +258,6 @@ def motions(
 # ---- Tables of knots with the adjusted values; those at a spacing are knots now, and images on trajectories have
 # times.
 
-_KEYS = ("interpolation", "gap", "constancy", "smoothness")
-
 
 def trajectory_tables(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """A table for each one of the project, with the keys it has there."""
@@ -280,7 +274,8 @@ def trajectory_tables(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]
     whole = pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
     result, first = [], 0
     for (name, count), table in zip(network.tables["knot"], network.project.trajectories, strict=True):
-        said = table.model_dump(include=set(_KEYS), exclude_defaults=True, exclude_none=True)
+        keys = {"interpolation", "gap", "constancy", "smoothness"}
+        said = table.model_dump(include=keys, exclude_defaults=True, exclude_none=True)
         result.append((whole[first : first + count], {**({"name": name} if name else {}), **said}))
         first += count
     return result
@@ -426,7 +421,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """The tables they came from; those that only observations name are levelled."""
     things, network = placed.network.things["station"], placed.network
     result = []
-    tables = [(network.station_tables.get(name, ""), network.station_levels.get(name, "fixed")) for name in things.ids]
+    tables = [network.station_tables.get(name, ("", "fixed")) for name in things.ids]
     for table in dict.fromkeys(tables):
         chosen = np.array([i for i, own in enumerate(tables) if own == table], dtype=np.int64)
         name, level = table
@@ -484,7 +479,6 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
 
 Given: TypeAlias = pl.DataFrame | str
 """A table beside the project, or the text of a matrix."""
-_OFFSET = "time_offset"
 _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""
 
@@ -507,7 +501,9 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
         entries = []
         for name, (frame, keys) in zip(start_names(section, len(frames)), frames, strict=True):
             tables[name] = frame
-            entries.append({"file": name, "units": _units(placed, frame), **keys})
+            angular = (*ROTATION.names, "orientation", "latitude", "longitude")
+            angles = [c for c in frame.columns if c.split("_")[-1] in angular or c in DEFLECTIONS]
+            entries.append({"file": name, "units": dict.fromkeys(angles, angle_unit(placed)), **keys})
         if entries:
             data[section] = entries
     if "motions" in data:
@@ -520,7 +516,12 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
             place = {"latitude": horizon.latitude, "longitude": horizon.longitude}
             data["world"]["origin"] = {name: f"{_degrees(angle)!r} deg" for name, angle in place.items()}
     if placed.network.sphere is not None:
-        data["curvature"] = with_sphere_origin(data["curvature"], placed.network)
+        assert placed.network.sphere is not None
+        given = np.array(placed.network.sphere.origin) @ placed.network.edge.matrix
+        kept = dict(data["curvature"]) if isinstance(data["curvature"], Mapping) else {}
+        if "origin" not in kept:
+            kept["origin"] = {name: repr(float(value)) for name, value in zip("xyz", given, strict=True)}
+        data["curvature"] = kept
     for section in ("observations", "checks", "candidates", "line_times"):
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
@@ -598,25 +599,8 @@ def grids_moved(world: dict[str, Any], source: Path, target: Path) -> dict[str, 
     return moved
 
 
-def with_sphere_origin(section: Any, network: Network) -> dict[str, Any]:
-    """Return the section ``curvature`` with the origin that the network has, whatever its coordinates are now."""
-    assert network.sphere is not None
-    given = np.array(network.sphere.origin) @ network.edge.matrix
-    kept = dict(section) if isinstance(section, Mapping) else {}
-    if "origin" not in kept:
-        kept["origin"] = {name: repr(float(value)) for name, value in zip("xyz", given, strict=True)}
-    return kept
-
-
 def _from(folder: Path, file: Path) -> str:
     return Path(os.path.relpath(file, folder)).as_posix()
-
-
-def _units(placed: Placed, frame: pl.DataFrame) -> dict[str, str]:
-    """Units of the angles, where the project's own (d-m-s) is not what a table of numbers has."""
-    angular = (*ROTATION.names, "orientation", "latitude", "longitude")
-    angles = [c for c in frame.columns if c.split("_")[-1] in angular or c in DEFLECTIONS]
-    return dict.fromkeys(angles, angle_unit(placed))
 
 
 def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:
@@ -645,7 +629,7 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
         turned = [component.quantity == ANGLE for component in GNSS_FRAME.components]
         values = placed.values[GNSS_FRAME.key][number] / np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
         result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
-    for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), (_OFFSET, TIME_OFFSET.key)):
+    for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), ("time_offset", TIME_OFFSET.key)):
         number = placed.network.things["instrument"].part(name, part)
         if number < 0:
             continue

@@ -7,15 +7,12 @@ from html import escape
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from mor import __version__
 from mor.errors import escaped
+from mor.report.identity import schema_of
 from mor.report.language import Words
-from mor.report.layout import short, table
+from mor.report.layout import cells, table
 
 # ---- The table of a batch, one row per project, as text and as plain data.
-
-SCHEMA = "mor-batch"
-SCHEMA_VERSION = 1
 
 
 class BatchRow(NamedTuple):
@@ -49,15 +46,11 @@ class BatchRow(NamedTuple):
 
 def batch_data(rows: Sequence[BatchRow]) -> dict[str, Any]:
     """The table as plain data; no times, so that the same input gives the same bytes."""
-    projects = []
-    for row in rows:
-        one = {**row._asdict(), "fails": row.fails}
-        del one["seconds"]
-        projects.append(one)
+    projects = [
+        {**{key: value for key, value in row._asdict().items() if key != "seconds"}, "fails": row.fails} for row in rows
+    ]
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "program": f"mor {__version__}",
+        **schema_of("mor-batch", 1),
         "count": len(rows),
         "failed": sum(row.fails for row in rows),
         "projects": projects,
@@ -100,17 +93,9 @@ def summary(rows: Sequence[BatchRow], words: Words) -> str:
 
 
 def _cells(row: BatchRow, compared: bool, words: Words) -> list[str]:
-    numbers = (row.observations, row.redundancy)
     more = [("–" if row.differences in (None, -1) else str(row.differences))] if compared else []
-    return [
-        row.name,
-        words.listed(row.status),
-        *("-" if value is None else str(value) for value in numbers),
-        "-" if row.sigma0 is None else short(row.sigma0, 4),
-        *("-" if value is None else str(value) for value in (row.flagged, row.uncontrolled)),
-        *more,
-        words("FAILS") if row.fails else "",
-    ]
+    numbers = cells(row._asdict(), "observations redundancy sigma0:.4g flagged uncontrolled")
+    return [row.name, words.listed(row.status), *numbers, *more, words("FAILS") if row.fails else ""]
 
 
 # ---- The table of a batch as a page, and as JUnit XML for CI.
@@ -148,21 +133,16 @@ def batch_page(rows: Sequence[BatchRow], words: Words) -> str:
 def _line(row: BatchRow, words: Words) -> str:
     file = "report.txt" if row.observations is not None else "log.txt"
     name = escape(escaped(row.name))
-    cells = [
+    numbers = cells(row._asdict(), "observations redundancy sigma0:.4g flagged uncontrolled", dash="")
+    parts = [
         f'<a href="{escape(row.name, quote=True)}/{file}">{name}</a>',
         escape(words.listed(row.status)),
-        *(_number(value) for value in (row.observations, row.redundancy)),
-        words.number(short(row.sigma0, 4)) if row.sigma0 is not None else "",
-        *(_number(value) for value in (row.flagged, row.uncontrolled)),
+        *map(words.number, numbers),
         "" if row.differences in (None, -1) else str(row.differences),
         escape(escaped(reason(row, words))),
     ]
     kind = ' class="fails"' if row.fails else ""
-    return f"<tr{kind}>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
-
-
-def _number(value: int | None) -> str:
-    return "" if value is None else str(value)
+    return f"<tr{kind}>{''.join(f'<td>{part}</td>' for part in parts)}</tr>"
 
 
 def junit_xml(rows: Sequence[BatchRow], words: Words) -> str:

@@ -12,7 +12,7 @@ from mor.errors import InputError, Message, nearest
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.parameters import INTERIORS
 from mor.report.figures import BESIDE
-from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.language import Words, datum_name
 from mor.report.layout import (
     aligned,
     correlation_table,
@@ -29,7 +29,8 @@ from mor.report.layout import (
     table,
     titled,
 )
-from mor.report.page import asset, environment, meaning, raised, running_heads
+from mor.report.movements import drawing
+from mor.report.page import meaning, raised, rendered
 from mor.report.page_data import image_points
 from mor.report.view import RadialCurve, View, radial_curve
 from mor.types import FloatArray
@@ -174,7 +175,7 @@ WIDTH, HEIGHT = 460, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 12, 24, 40
 
 
-def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
+def curve_drawing(one: Certificate, words: Words) -> Markup:
     """Radial distortion by radius with its 95 % band, and where the points end that it rests on."""
     unit, factor = one.small
     radius, shift = one.curve.radius, one.curve.shift * factor
@@ -198,10 +199,7 @@ def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
         _text(WIDTH - _RIGHT, HEIGHT - 6, words("distance from the principal point [{unit}]", unit=one.unit), "end"),
         _text(_LEFT - 30, _TOP - 10, words("distortion [{unit}]", unit=unit), "start"),
     ]
-    label = escape(words("Radial distortion, mean over all directions"))
-    return Markup(
-        f'<svg class="drawing" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
-    )
+    return drawing(parts, WIDTH, HEIGHT, words("Radial distortion, mean over all directions"))
 
 
 def _levels(low: float, high: float, level: object, words: Words) -> list[str]:
@@ -235,31 +233,27 @@ def _points(pairs: list[tuple[float, float]]) -> str:
 # ---- The certificate of a camera as a page and as text.
 
 
-def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
+def certificate_page(one: Certificate, words: Words) -> str:
     """One sheet of HTML that needs nothing else, no script either."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
-    return (
-        environment()
-        .get_template("certificate.html.j2")
-        .render(
-            title=title,
-            facts=[*_facts(one, words), *_validity(one, words)],
-            parameters=_parameters(one, words),
-            correlations=one.camera["correlations"],
-            distortion=_distortion(one),
-            expanded=_expanded(one),
-            small=one.small[0],
-            unit=one.unit,
-            drawing=curve_drawing(one, words),
-            identity=one.view.identity,
-            say=words,
-            style=Markup(asset("page.css") + asset("certificate.css")),
-            running=running_heads(title, one.view.identity, words),
-        )
+    return rendered(
+        "certificate.html.j2",
+        title,
+        one.view.identity,
+        words,
+        ("page.css", "certificate.css"),
+        facts=[*_facts(one, words), *_validity(one, words)],
+        parameters=_parameters(one, words),
+        correlations=one.camera["correlations"],
+        distortion=_distortion(one),
+        expanded=_expanded(one),
+        small=one.small[0],
+        unit=one.unit,
+        drawing=curve_drawing(one, words),
     )
 
 
-def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
+def certificate_text(one: Certificate, words: Words) -> str:
     """Return the certificate as text, at most 100 characters wide."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
     facts = [*_facts(one, words), *_validity(one, words)]
@@ -346,10 +340,6 @@ def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
     return rows
 
 
-def _times(sigma: float | None, factor: float | None) -> float | None:
-    return None if sigma is None or factor is None else sigma * factor
-
-
 def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
     return [
         {
@@ -358,7 +348,7 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
             "unit": raised(one.units[name]),
             "value": short(row["value"], digits_worth(row["value"], row["sigma"])),
             "sigma": short(row["sigma"], 3),
-            "U": short(_times(row["sigma"], one.coverage), 3),
+            "U": short(None if row["sigma"] is None or one.coverage is None else row["sigma"] * one.coverage, 3),
             "significance": fixed(row.get("t"), 1) if name != "c" else "-",
             "status": words.listed(row["status"]),
         }
@@ -372,16 +362,11 @@ def _expanded(one: Certificate, unit: str = "") -> list[str]:
 
 def _distortion(one: Certificate) -> list[tuple[list[str], bool]]:
     """Radius, distortion, σ and U, and whether points were measured so far out."""
-    factor, places = one.small[1], _decimals(one)
+    largest = float(one.table.sigma.max(initial=0.0)) * one.small[1]
+    factor, places = one.small[1], (3 if largest == 0.0 else int(np.clip(1 - np.floor(np.log10(largest)), 0, 7)))
     rows = zip(one.table.radius, one.table.shift * factor, one.table.sigma * factor, strict=True)
     beside = [1.0] if one.coverage is None else [1.0, one.coverage]
     return [
         ([short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)], bool(r <= one.covered))
         for r, s, e in rows
     ]
-
-
-def _decimals(one: Certificate) -> int:
-    """Decimals of distortions: two figures of the largest σ; without σ three."""
-    largest = float(one.table.sigma.max(initial=0.0)) * one.small[1]
-    return 3 if largest == 0.0 else int(np.clip(1 - np.floor(np.log10(largest)), 0, 7))

@@ -6,17 +6,8 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 IGNORED = {
-    "program",
-    "identity",
-    "title",
-    "iterations",
-    "kernels",
-    "iteration_log",
-    "tables",
-    "files",
-    "snooping",
-    "suspicious",
-    "robust",
+    *("program", "identity", "title", "iterations", "kernels", "iteration_log", "tables", "files"),
+    *("snooping", "suspicious", "robust"),
 }
 """Keys that may differ between two runs that agree."""
 

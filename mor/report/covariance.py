@@ -18,7 +18,7 @@ from mor.project.entities import unknown_name
 from mor.quality.assessment import Quality, joint_cofactors, relative_ellipsoid
 from mor.quality.solution import Solved
 from mor.quality.test_statistics import coverage_probability
-from mor.report.units import angle_unit
+from mor.report.units import angle_unit, unit_of
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
@@ -50,7 +50,7 @@ class Labelled(NamedTuple):
 
 
 def covariance_of_names(
-    solved: Solved, points: Sequence[str] = (), images: Sequence[str] = (), cameras: Sequence[str] | None = None
+    solved: Solved, points: Sequence[str], images: Sequence[str], cameras: Sequence[str] | None
 ) -> Labelled:
     """Return the joint covariance of coordinates of points, poses of images and interior orientations.
 
@@ -187,13 +187,7 @@ def _labelled(solved: Solved, blocks: list[tuple[str, int]]) -> Labelled:
         for k, component in enumerate(block.kind.components):
             kept.append(bool((turn[k] != 0.0) @ (own >= 0)))
             labels.append(f"{kind} {block.ids[number]} {component.name}")
-            units.append(
-                component.quantity.unit(
-                    solved.network.project.units.length,
-                    angle_unit(solved),
-                    next((scale.unit for scale in solved.network.scales.values()), "mm"),
-                )
-            )
+            units.append(unit_of(solved, component.quantity))
         values.append(_values(solved, kind, number))
     keep = np.flatnonzero(kept)
     return Labelled(
@@ -299,7 +293,7 @@ def with_expanded(
     return [*header, *(f"U{name}" for _, name, _ in of)], wider
 
 
-def write_covariance(path: Path, found: Labelled, factor: float | None = None) -> None:
+def write_covariance(path: Path, found: Labelled, factor: float | None) -> None:
     """Write a matrix in the format its suffix names, with U = k σ if a coverage factor is given.
 
     Raises :class:`InputError` for any other suffix.

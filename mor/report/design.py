@@ -34,7 +34,7 @@ from mor.quality.singularity import enumerated
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
-from mor.report.estimates import image_table, point_table, station_table
+from mor.report.estimates import image_table, point_table, rms_sigma, station_table
 from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
 from mor.report.layout import (
@@ -48,15 +48,15 @@ from mor.report.layout import (
     small_unit,
     table,
 )
-from mor.report.movements import DRAWING_WIDTH, MARGIN, fitted, labels, widest_view
+from mor.report.movements import DRAWING_WIDTH, MARGIN, drawing, fitted, labels, widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
-from mor.report.page import asset, environment, running_heads
+from mor.report.page import asset, rendered
 from mor.report.page_data import drawn_axes
 from mor.report.results import table_writer
 from mor.report.summary import summary
 from mor.report.text import counts, redundancy
-from mor.report.units import ends_of_group, number_or_none, reported_component
+from mor.report.units import ends_of_group, number_or_none, picked, reported_component
 from mor.report.verdict import reliability_rows
 from mor.types import FloatArray, IntArray
 
@@ -100,11 +100,9 @@ def requirement_row(judged: RequirementResult, solved: Solved) -> dict[str, Any]
         "of": wanted.of,
         "pattern": list(wanted.pattern),
         "limit": wanted.limit,
-        "worst": float(judged.worst) if np.isfinite(judged.worst) else None,
+        "worst": number_or_none(judged.worst),
         "where": _where(judged, solved),
-        "count": judged.count,
-        "failing": judged.failing,
-        "met": judged.met,
+        **picked(judged, "count", "failing", "met"),
     }
     unit = solved.network.project.units.length if isinstance(wanted, RequiredPrecision) else "1"
     return {"what": "sigma" if isinstance(wanted, RequiredPrecision) else "reliability", **row, "unit": unit}
@@ -160,7 +158,6 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
 
 _MOST = 640
 """Largest height of the drawing of a network."""
-_MOST_SIGHTS = 3_000
 _BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
@@ -203,7 +200,7 @@ def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[
         return np.asarray((place[..., axes] * signs - (low + high) / 2.0) * factor + middle)
 
     parts = []
-    for number, (kind, names) in enumerate(sights[:_MOST_SIGHTS]):
+    for number, (kind, names) in enumerate(sights[:3_000]):
         ends = [on_paper(found.at[name]) for name in names if name in found.at]
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in ends)
         said = escape(" – ".join(names))
@@ -216,11 +213,7 @@ def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[
     xy = on_paper(found.places)
     parts += labels(found.names, xy, np.flatnonzero(np.isfinite(xy).all(axis=1)), height, 7.2)
     parts.append(_scale_bar(found, height))
-    label = escape(words("The network as planned"))
-    return Markup(
-        f'<svg class="drawing" id="network" viewBox="0 0 {DRAWING_WIDTH} {height:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg>"
-    )
+    return drawing(parts, DRAWING_WIDTH, height, words("The network as planned"), name="network")
 
 
 def _drawn(found: NetworkDrawing, covariance: FloatArray) -> FloatArray:
@@ -280,11 +273,7 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
             )
             y += _BAR
         y += _GAP
-    label = escape(words("Variants"))
-    return Markup(
-        f'<svg class="drawing variants" viewBox="0 0 {DRAWING_WIDTH} {y:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg>"
-    )
+    return drawing(parts, DRAWING_WIDTH, y, words("Variants"), "drawing variants")
 
 
 # ---- The ranking of a plan as a table, and its first lines in words.
@@ -421,7 +410,7 @@ WHAT = {
 
 
 def design_text(
-    solved: Solved, judged: Sequence[RequirementResult], words: Words, of: RunIdentity, more: Sequence[str] = ()
+    solved: Solved, judged: Sequence[RequirementResult], words: Words, of: RunIdentity, more: Sequence[str]
 ) -> str:
     """The report of a plan: the verdict on what is required first, ``more`` sections, then what can be expected."""
     about = identity_of(solved.network.project, of)
@@ -544,12 +533,8 @@ def variant_row(name: str, solved: Solved, judged: Sequence[RequirementResult]) 
         return row
     known = [float(np.nanmin(one.r)) for one in quality.groups if np.isfinite(one.r).any()]
     row["smallest_r"] = min(known) if known else None
-    points = point_table(solved)
-    free = points.filter(points["status"].is_in(["free", "partly fixed"]))
-    for axis in "xyz":
-        sigma = free[f"s{axis}"].drop_nulls().to_numpy()
-        row[f"rms_s{axis}"] = float(np.sqrt(np.mean(sigma**2))) if len(sigma) else None
-    return row
+    sigma = rms_sigma(point_table(solved))
+    return row | {f"rms_s{axis}": value for axis, value in zip("xyz", sigma, strict=True)}
 
 
 def variant_text(rows: Sequence[dict[str, Any]], unit: str, words: Words) -> str:
@@ -672,34 +657,29 @@ def design_page(
     headline, *more = verdict(solved, judged, words)
     quality, network = solved.quality, solved.network
     found = switching(quality, network.candidates) if quality is not None else None
-    drawing = _drawing(solved) if quality is not None else None
+    plan = _drawing(solved) if quality is not None else None
     units = [_unit_row(network, k, unit) for k, unit in enumerate(found.units)] if found else []
     ends = [(row["kind"], row["ends"]) for row in units] if found else _all_sights(network)
     good = quality is not None and all(one.met for one in judged)
-    return (
-        environment()
-        .get_template("design.html.j2")
-        .render(
-            title=title,
-            headline=headline,
-            state="good" if good and judged else "doubt" if good else "bad",
-            more=more,
-            requirements=[_requirement(one, solved, words) for one in judged],
-            sighted=[{"name": s.name, "all": sum(s.counts), "counts": s.counts} for s in sighted],
-            reasons=REASONS,
-            drawing=network_drawing(drawing, ends, words) if drawing else "",
-            variants=variants_drawing(variants, network.project.units.length, words) if variants else "",
-            units=units,
-            points=_point_rows(solved, words) if quality is not None else [],
-            unit=network.project.units.length,
-            payload=Markup(_payload(found, drawing, judged, solved, words)) if found and drawing else "",
-            limits={"unknowns": MOST_UNKNOWNS, "units": MOST_UNITS},
-            identity=about,
-            say=words,
-            style=Markup(asset("page.css") + asset("certificate.css") + asset("design.css")),
-            script=Markup(asset("design.js")),
-            running=running_heads(title, about, words),
-        )
+    return rendered(
+        "design.html.j2",
+        title,
+        about,
+        words,
+        ("page.css", "certificate.css", "design.css"),
+        headline=headline,
+        state="good" if good and judged else "doubt" if good else "bad",
+        more=more,
+        requirements=[_requirement(one, solved, words) for one in judged],
+        sighted=[{"name": s.name, "all": sum(s.counts), "counts": s.counts} for s in sighted],
+        drawing=network_drawing(plan, ends, words) if plan else "",
+        variants=variants_drawing(variants, network.project.units.length, words) if variants else "",
+        units=units,
+        points=_point_rows(solved, words) if quality is not None else [],
+        unit=network.project.units.length,
+        payload=Markup(_payload(found, plan, judged, solved, words)) if found and plan else "",
+        limits={"unknowns": MOST_UNKNOWNS, "units": MOST_UNITS},
+        script=Markup(asset("design.js")),
     )
 
 

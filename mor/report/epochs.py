@@ -19,7 +19,7 @@ from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, fixed, small_unit
 from mor.report.movements import PointMovements, moved_points, movement_drawing, series_drawing
-from mor.report.page import asset, environment, running_heads
+from mor.report.page import rendered
 from mor.report.page_data import drawn_axes
 from mor.report.summary import summary
 from mor.report.text_tables import listed_movements, listed_parameters, statements
@@ -101,7 +101,7 @@ def comparison_page(
     table: pl.DataFrame,
     verdict: list[str],
     known: bool,
-    words: Words = ENGLISH,
+    words: Words,
 ) -> str:
     """Verdict, both epochs side by side, the drawing of movements, and the table, what has moved first.
 
@@ -110,31 +110,27 @@ def comparison_page(
     rows = sorted(table.to_dicts(), key=lambda row: not row["moved"])
     title = epochs[1].summary["title"] or words("Two epochs")
     moved = int(table["moved"].sum())
-    return (
-        environment()
-        .get_template("epochs.html.j2")
-        .render(
-            **_head(title, moved, table.height, epochs[1].identity, words),
-            verdict=verdict,
-            facts=_facts(epochs, words),
-            rows=[_cells(row, DIGITS[found.unit], known, words) for row in rows],
-            unit=found.unit,
-            drawing=movement_drawing(found, words),
-            identity=epochs[1].identity,
-        )
+    return rendered(
+        "epochs.html.j2",
+        title,
+        epochs[1].identity,
+        words,
+        _STYLES,
+        **_headline(moved, table.height, words),
+        verdict=verdict,
+        facts=_facts(epochs, words),
+        rows=[_cells(row, DIGITS[found.unit], known, words) for row in rows],
+        unit=found.unit,
+        drawing=movement_drawing(found, words),
     )
 
 
-def _head(title: str, moved: int, count: int, identity: dict[str, Any], words: Words) -> dict[str, Any]:
+_STYLES = ("page.css", "certificate.css", "epochs.css")
+
+
+def _headline(moved: int, count: int, words: Words) -> dict[str, str]:
     said = words("{count:point has|points have} moved, of {all}", count=moved, all=count)
-    return {
-        "title": title,
-        "headline": said if moved else words("Nothing has moved"),
-        "state": "bad" if moved else "good",
-        "say": words,
-        "style": Markup(asset("page.css") + asset("certificate.css") + asset("epochs.css")),
-        "running": running_heads(title, identity, words),
-    }
+    return {"headline": said if moved else words("Nothing has moved"), "state": "bad" if moved else "good"}
 
 
 def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tuple[str, str, str]]:
@@ -221,22 +217,22 @@ def movements_page(solved: Solved, of: RunIdentity, words: Words) -> str:
     frame, project = movement_rows(solved), solved.network.project
     last = frame.group_by("point", maintain_order=True).last()
     moved = int(last["moved"].sum()) if last.height else 0
-    return (
-        environment()
-        .get_template("movements.html.j2")
-        .render(
-            **_head(title, moved, last.height, identity, words),
-            statements=statements(solved, words),
-            drawing=movement_drawing(
-                moved_points(point_table(solved), last, project.axes.xy, project.units.length), words
-            )
-            if last.height
-            else "",
-            series=_series(solved, last),
-            shown=MOST_SERIES,
-            parameters=listed_parameters(solved, words, MOST_ROWS),
-            movements=listed_movements(frame, project.units.length, words, MOST_ROWS),
-        )
+    length, drawing = project.units.length, Markup("")
+    if last.height:
+        drawing = movement_drawing(moved_points(point_table(solved), last, project.axes.xy, length), words)
+    return rendered(
+        "movements.html.j2",
+        title,
+        identity,
+        words,
+        _STYLES,
+        **_headline(moved, last.height, words),
+        statements=statements(solved, words),
+        drawing=drawing,
+        series=_series(solved, last),
+        shown=MOST_SERIES,
+        parameters=listed_parameters(solved, words, MOST_ROWS),
+        movements=listed_movements(frame, length, words, MOST_ROWS),
     )
 
 

@@ -35,6 +35,7 @@ from mor.report.units import (
     motion_columns,
     number_or_none,
     once,
+    picked,
     plain,
     points,
     rotations,
@@ -145,22 +146,19 @@ def _covariances(solved: Solved, numbers: IntArray) -> FloatArray:
 
 
 def _in_plan(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
-    plan = error_ellipses(covariance)
-    return {
-        "a": plan.a,
-        "b": plan.b,
-        "azimuth": bearings(solved, plan.azimuth) % float(np.pi / ANGLE_UNITS[angle_unit(solved)]),
-    }
+    plan, unit = error_ellipses(covariance), angle_unit(solved)
+    azimuth = bearings_of(solved.network.edge, unit, plan.azimuth) % float(np.pi / ANGLE_UNITS[unit])
+    return {"a": plan.a, "b": plan.b, "azimuth": azimuth}
 
 
 def _in_space(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
     space = error_ellipsoids(covariance)
-    unit = ANGLE_UNITS[angle_unit(solved)]
+    edge, unit = solved.network.edge, angle_unit(solved)
     columns: dict[str, FloatArray] = {}
     for k in range(3):
         columns[f"axis{k + 1}"] = space.axes[:, k]
-        columns[f"azimuth{k + 1}"] = bearings(solved, space.azimuths[:, k])
-        columns[f"elevation{k + 1}"] = space.elevations[:, k] / unit
+        columns[f"azimuth{k + 1}"] = bearings_of(edge, unit, space.azimuths[:, k])
+        columns[f"elevation{k + 1}"] = space.elevations[:, k] / ANGLE_UNITS[unit]
     return columns
 
 
@@ -172,13 +170,8 @@ def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -
     return {f"ellipse_{name}": column for name, column in _in_plan(solved, M @ np.nan_to_num(covariance) @ M.T).items()}
 
 
-def bearings(solved: Solved, azimuth: FloatArray) -> FloatArray:
-    """Azimuths (radians, clockwise from north) as the project counts bearings, in its unit, within the circle."""
-    return bearings_of(solved.network.edge, angle_unit(solved), azimuth)
-
-
 def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
-    """The same by the axes of a project and a unit of angles."""
+    """Azimuths (radians, clockwise from north) as a project counts bearings, in its unit, within the circle."""
     size = ANGLE_UNITS[unit]
     return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / size % (2.0 * np.pi / size))
 
@@ -227,6 +220,17 @@ def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
             columns = {name: np.where(absent, np.nan, column) for name, column in columns.items()}
         parts.append({name: np.array(column) for name, column in columns.items()})
     return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
+
+
+def free_rows(points: pl.DataFrame) -> pl.DataFrame:
+    """Rows of the table of points that have unknown coordinates."""
+    return points.filter(points["status"].is_in(["free", "partly fixed"]))
+
+
+def rms_sigma(points: pl.DataFrame) -> list[float | None]:
+    """Root mean squares of σ of x, y, z over the points with unknown coordinates; nothing where none has a σ."""
+    sigmas = [free_rows(points)[f"s{axis}"].cast(pl.Float64).drop_nulls().to_numpy() for axis in "xyz"]
+    return [float(np.sqrt(np.mean(sigma**2))) if len(sigma) else None for sigma in sigmas]
 
 
 def reference_table(solved: Solved) -> pl.DataFrame:
@@ -383,8 +387,7 @@ def variance_components(solved: Solved) -> dict[str, Any] | None:
     """Return the estimation of the variance components of the groups."""
     if solved.treatment is None:
         return None
-    found = solved.treatment.components
-    return {"method": found.method, "iterated": found.iterated, "settled": found.settled, "rounds": found.rounds}
+    return picked(solved.treatment.components, "method", "iterated", "settled", "rounds")
 
 
 def _largest(tests: Reliability, inside: BoolArray) -> float | None:
@@ -531,13 +534,7 @@ _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
 
 
 def _row(thing: UndeterminedObject) -> dict[str, Any]:
-    return {
-        "kind": thing.kind,
-        "id": thing.name,
-        "reason": thing.reason,
-        "treatment": thing.treatment,
-        "observations": thing.observations,
-    }
+    return {"kind": thing.kind, "id": thing.name, **picked(thing, "reason", "treatment", "observations")}
 
 
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
@@ -551,8 +548,6 @@ FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
     "form": pl.Float64,
 }
 _X, _Z = np.eye(3)[[0, 2]]
-_LINES = ("line", "cylinder")
-"""Features that have no centre: the place of one is the mean of its points, put on the axis."""
 
 
 def feature_table(solved: Solved) -> pl.DataFrame:
@@ -592,7 +587,8 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
         if feature.type in ("plane", "right angle"):
             held, away = axis, off[chosen] @ axis[:, None]
         else:
-            held, away = 1.0 - axis if feature.type in _LINES else np.ones(3), off[chosen][:, :2]
+            # Features that have no centre: the place of one is the mean of its points, put on the axis.
+            held, away = 1.0 - axis if feature.type in ("line", "cylinder") else np.ones(3), off[chosen][:, :2]
         on = on * (1.0 - held)
         place = ((on - offset) @ D + values["point"][origin]) @ M
         direction = None if feature.type == "sphere" else upright((axis @ D @ M)[None])[0]

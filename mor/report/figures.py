@@ -9,7 +9,7 @@ import polars as pl
 from scipy.special import chdtri, ndtri
 
 from mor.model.cameras import CAMERA_MODELS
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 from mor.report.layout import (
     BAND,
     BIN_WIDTH,
@@ -48,7 +48,9 @@ def camera_figures(data: PageData) -> list[dict[str, Figure]]:
 
 def _figures(data: PageData, camera: dict[str, Any]) -> dict[str, Figure]:
     figures: dict[str, Figure] = {}
-    area = camera_window(camera, data.windows.get(camera["id"]), _measured_unit(data, camera))
+    mine = data.view.images.filter(pl.col("camera") == camera["id"])["id"]
+    units = data.measured.filter(pl.col("image").is_in(mine.implode()))["unit"]
+    area = camera_window(camera, data.windows.get(camera["id"]), str(units[0]) if len(units) else str(camera["unit"]))
     if area is not None and CAMERA_MODELS[camera["model"]].central:
         figures["curve"] = distortion_curve(camera, area, data.words)
         figures["field"] = distortion_field(camera, area, data.words)
@@ -58,12 +60,6 @@ def _figures(data: PageData, camera: dict[str, Any]) -> dict[str, Figure]:
     if mean is not None:
         figures["residuals"] = mean
     return figures
-
-
-def _measured_unit(data: PageData, camera: dict[str, Any]) -> str:
-    mine = data.view.images.filter(pl.col("camera") == camera["id"])["id"]
-    units = data.measured.filter(pl.col("image").is_in(mine.implode()))["unit"]
-    return str(units[0]) if len(units) else str(camera["unit"])
 
 
 def camera_window(camera: dict[str, Any], measured: Window | None, unit: str) -> Window | None:
@@ -79,7 +75,7 @@ def camera_window(camera: dict[str, Any], measured: Window | None, unit: str) ->
     )
 
 
-def distortion_curve(camera: dict[str, Any], area: Window, words: Words = ENGLISH) -> Figure:
+def distortion_curve(camera: dict[str, Any], area: Window, words: Words) -> Figure:
     """Radial distortion by radius with its band of confidence."""
     largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
     curve = radial_curve(camera, largest)
@@ -114,7 +110,7 @@ def distortion_curve(camera: dict[str, Any], area: Window, words: Words = ENGLIS
     )
 
 
-def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLISH) -> Figure:
+def distortion_field(camera: dict[str, Any], area: Window, words: Words) -> Figure:
     """Distortion vectors over the image, with ellipses of confidence, both enlarged."""
     x, y = (np.linspace(low, high, count) for (low, high), count in ((area.x, 13), (area.y, 9)))
     ideal = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -318,7 +314,7 @@ def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
 _MOST_FRAMES = 400
 
 
-def normal_histogram(w: FloatArray, critical: float, words: Words = ENGLISH) -> Figure:
+def normal_histogram(w: FloatArray, critical: float, words: Words) -> Figure:
     """Density of the test values with the standard normal density and the critical values.
 
     What lies beyond the last class stands in it, and is counted in the legend.

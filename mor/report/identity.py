@@ -8,13 +8,15 @@ from collections.abc import Collection, Iterable
 from datetime import UTC, datetime
 from fnmatch import fnmatch
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from mor import __version__
 from mor.errors import InputError, Message
 from mor.input_files import ReadFile
-from mor.project.schema import ProjectFile
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
+
+if TYPE_CHECKING:
+    from mor.project.schema import ProjectFile
 
 # ---- Identity of a report: program, project, input files, options, and date of the newest file.
 
@@ -31,11 +33,19 @@ class RunIdentity(NamedTuple):
     options: tuple[str, ...] = ()
 
 
+PROGRAM = f"mor {__version__}"
+
+
+def schema_of(name: str, version: int) -> dict[str, Any]:
+    """First keys of a JSON file: what it is, the version of its keys, and the program."""
+    return {"schema": name, "schema_version": version, "program": PROGRAM}
+
+
 def identity_of(project: ProjectFile, identity: RunIdentity) -> dict[str, Any]:
     """The identity of a report as plain data. Raises :class:`InputError` for a date that is none."""
     report = project.report
     return {
-        "program": f"mor {__version__}",
+        "program": PROGRAM,
         "project_version": project.mor,
         "measured": project.date,
         "operator": report.operator,
@@ -107,7 +117,7 @@ _FIRST = "Contents of this folder"
 _WIDTH = 100
 
 
-def readme(names: Collection[str], words: Words = ENGLISH) -> str:
+def readme(names: Collection[str], words: Words) -> str:
     """The text, about the files that are there."""
     title = words(_FIRST)
     lines = [title, "=" * len(title), "", words("Results of an adjustment by mor."), ""]

@@ -27,7 +27,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 # ``{:n}``: names of columns, keys and formats. A single word only changes where it marks its place with
 # ``{:w}``.
 
-_LETTER = re.compile(r"[^\W\d_]")
 _VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
 """A name in quotes, whatever is in it, or as little as can be."""
 WORD = "w"
@@ -69,7 +68,7 @@ class Sentence:
     @cached_property
     def letters(self) -> int:
         """Fixed letters: of two sentences that fit, the one that says more is meant."""
-        return sum(len(_LETTER.findall(text)) for text in self.fixed)
+        return sum(len(re.findall(r"[^\W\d_]", text)) for text in self.fixed)
 
     @cached_property
     def _places(self) -> list[str]:
@@ -203,63 +202,41 @@ class Words:
 ENGLISH = Words("en")
 
 
-_SENTENCES = ("{language}.yaml", "{language}_sentences.yaml")
-_ORIENTATION = (*_SENTENCES, "{language}_orientation.yaml")
-_START_VALUES = (*_ORIENTATION, "{language}_start_values.yaml")
-_PLANNING = (*_SENTENCES, "{language}_planning.yaml")
-_PAGE = (*_SENTENCES, "{language}_page.yaml")
-_TOLD = (
-    *dict.fromkeys((*_START_VALUES, *_PLANNING, *_PAGE)),
-    *(f"{{language}}_{name}.yaml" for name in ("messages", "formats", "help")),
-)
+_CATALOGUES = {
+    "report": (),
+    "orientation": ("orientation",),
+    "start values": ("orientation", "start_values"),
+    "planning": ("planning",),
+    "page": ("page",),
+    "messages": ("orientation", "start_values", "planning", "page", "messages", "formats", "help"),
+}
+"""Catalogues of each kind of text besides those of the report; a short term may mean something else in another."""
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast where PyYAML has its C part
 _DECIMALS = {"de": ","}
 
 
-def words_of(language: str) -> Words:
-    """Words of the text report in a language, ``en`` or ``de``. Raises ``KeyError`` for another."""
-    return _of_text(language, _SENTENCES)
+def words_of(language: str, of: str = "report") -> Words:
+    """Words of a kind of text (report, page, planning, …) in a language, ``en`` or ``de``; ``KeyError`` for others.
 
-
-def words_of_orientation(language: str) -> Words:
-    """Words of ``mor orient``, whose short terms are its own. Raises ``KeyError`` for another language."""
-    return _of_text(language, _ORIENTATION)
-
-
-def words_of_start_values(language: str) -> Words:
-    """Words of ``mor approximate``. Raises ``KeyError`` for another language."""
-    return _of_text(language, _START_VALUES)
-
-
-def words_of_planning(language: str) -> Words:
-    """Words of plans, simulations and batches. Raises ``KeyError`` for another language."""
-    return _of_text(language, _PLANNING)
-
-
-def _of_text(language: str, names: tuple[str, ...]) -> Words:
-    return ENGLISH if language == "en" else Words(language, _catalogue(language, names), _DECIMALS[language])
-
-
-def words_of_page(language: str) -> Words:
-    """Words of the page, whose numbers are the same in every language. Raises ``KeyError`` for an unknown one."""
-    if language in _DECIMALS:
-        return Words(language, _catalogue(language, _PAGE))
-    return {"en": ENGLISH}[language]
+    Numbers of the page are the same in every language.
+    """
+    if language == "en":
+        return ENGLISH
+    decimal = _DECIMALS[language]
+    return Words(language, _catalogue(language, of), "." if of == "page" else decimal)
 
 
 @cache
 def sentences_of(language: str) -> Sentences:
     """All that is told in a language other than English: what is recognised in finished sentences."""
-    return Sentences(_catalogue(language, _TOLD))
+    return Sentences(_catalogue(language, "messages"))
 
 
 @cache
-def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
-    from importlib.resources import files  # English, which has none, does without loading it
-
+def _catalogue(language: str, of: str) -> dict[str, str]:
     catalogue: dict[str, str] = {}
-    for name in names:
-        text = files("mor.report").joinpath("words", name.format(language=language)).read_text(encoding="utf-8")
+    for name in ("", "_sentences", *(f"_{name}" for name in _CATALOGUES[of])):
+        text = files("mor.report").joinpath("words", f"{language}{name}.yaml").read_text(encoding="utf-8")
         catalogue |= yaml.load(text, Loader=_LOADER)
     return catalogue
 

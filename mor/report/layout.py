@@ -91,18 +91,14 @@ def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collecti
             missing = [""] * (height - len(part))
             part[:] = [*missing, *part] if number == 0 else [*part, *missing]
         for line in zip(*parts, strict=True):
-            lines.append(_line(line, widths, left, gap))
+            placed = [
+                cell.ljust(width) if k in left else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(line, widths, strict=True))
+            ]
+            lines.append(gap.join(placed).rstrip())
         if number == 0:
             lines.append(gap.join("-" * width for width in widths))
     return "\n".join(lines)
-
-
-def _line(cells: Sequence[str], widths: Sequence[int], left: Collection[int], gap: str) -> str:
-    placed = [
-        cell.ljust(width) if k in left else cell.rjust(width)
-        for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
-    ]
-    return gap.join(placed).rstrip()
 
 
 _TIED = "\u2007=\u2007"
@@ -181,7 +177,7 @@ def table(
     return drawn([words.header(header) for header in headers], rows, texts, margin)
 
 
-def correlation_table(names: Sequence[str], matrix: Sequence[Sequence[float]], words: Words = ENGLISH) -> str:
+def correlation_table(names: Sequence[str], matrix: Sequence[Sequence[float]], words: Words) -> str:
     """The lower triangle of a correlation matrix; names of components are the same in every language."""
     rows = [[name, *(words.number(fixed(x, 3)) for x in matrix[k][: k + 1])] for k, name in enumerate(names)]
     return drawn(["", *names], [[*row, *[""] * (len(names) + 1 - len(row))] for row in rows], {0}, 0)

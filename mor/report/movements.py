@@ -10,7 +10,7 @@ import polars as pl
 from markupsafe import Markup, escape
 from scipy.special import chdtri
 
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 from mor.report.layout import NO_MARKS, at_edge, frame_of, placed, round_length, small_unit, with_distances
 from mor.report.page_data import covariances, drawn_axes
 from mor.types import BoolArray, FloatArray, IntArray
@@ -75,7 +75,7 @@ def widest_view(places: FloatArray, right: int) -> tuple[int, int]:
     return (right if extent[right] >= extent[up] else up), 2
 
 
-def movement_drawing(found: PointMovements, words: Words = ENGLISH) -> Markup:
+def movement_drawing(found: PointMovements, words: Words) -> Markup:
     """Points, their movements and ellipses at one scale, with a bar for it; what has moved thick, with its name."""
     frame = frame_of(found.places)
     axes = widest_view(found.places if frame is None else np.array(frame), found.right)
@@ -94,11 +94,16 @@ def movement_drawing(found: PointMovements, words: Words = ENGLISH) -> Markup:
     others = np.concatenate([np.delete(xy, order[:400], axis=0), (xy + scale * vectors)[found.moved]])
     parts += labels(found.names, xy, order, height, 6.6, others, found.moved)
     parts += [_bar(scale, found.unit, height, words), *_axes(axes, signs, factor, found.unit, height)]
-    label = escape(words("Movements between the epochs"))
-    return Markup(
-        f'<svg class="drawing" viewBox="0 0 {DRAWING_WIDTH} {height:.0f}" role="img" aria-label="{label}">'
-        f"{_TIP}{''.join(parts)}</svg>"
-    )
+    return drawing([_TIP, *parts], DRAWING_WIDTH, height, words("Movements between the epochs"))
+
+
+def drawing(
+    parts: Sequence[str], width: float, height: float, label: str, kind: str = "drawing", name: str = ""
+) -> Markup:
+    """A drawing (SVG) of its parts, with a label for those who do not see it; ``kind`` and ``name``: class and id."""
+    named = f'{kind}" id="{name}' if name else kind
+    head = f'<svg class="{named}" viewBox="0 0 {width} {height:.0f}" role="img" aria-label="{escape(label)}">'
+    return Markup(f"{head}{''.join(parts)}</svg>")
 
 
 def _on_paper(found: PointMovements, axes: tuple[int, int]) -> tuple[FloatArray, FloatArray, float, float]:
@@ -229,7 +234,4 @@ def series_drawing(
         parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
         parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{_MARKS[k]}"/>')
         shown -= 28
-    about = escape(f"{name} [{unit}]")
-    return Markup(
-        f'<svg class="series" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{about}">{"".join(parts)}</svg>'
-    )
+    return drawing(parts, WIDTH, HEIGHT, f"{name} [{unit}]", "series")

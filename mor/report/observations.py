@@ -85,31 +85,28 @@ class AssessedRows(NamedTuple):
         return loose & ~self.group.left_out
 
 
-class AssessedGroups(NamedTuple):
-    """All groups of an adjustment, ready to be cut into pieces."""
+def assessed_pieces(solved: Solved) -> Iterator[AssessedRows]:
+    """All observations of an adjustment in their order, so many at a time."""
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        for start in range(0, group.count, PIECE):
+            yield assessed_rows(solved, number, slice(start, start + PIECE))
 
-    solved: Solved
 
-    def pieces(self) -> Iterator[AssessedRows]:
-        """All observations in their order, so many at a time."""
-        for number, group in enumerate(self.solved.adjustment.problem.groups):
-            for start in range(0, group.count, PIECE):
-                yield self.rows(number, slice(start, start + PIECE))
-
-    def rows(self, number: int, rows: IntArray | slice) -> AssessedRows:
-        """Some rows of a group."""
-        quality, groups = self.solved.quality, self.solved.adjustment.problem.groups
-        group = some_rows(groups[number], rows)
-        is_check = number >= len(groups) - len(self.solved.network.checks)
-        if quality is None:
-            nothing = np.full(group.observed.shape, np.nan)
-            none = np.zeros(nothing.shape, dtype=bool)
-            no_joint = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
-            v = -misclosures(group, self.solved.adjustment.values)
-            one = ObservationQuality(v, nothing, nothing, *no_joint, nothing, none)
-            return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
-        one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
-        return AssessedRows(group, is_check, quality, one, tests, tests.test, normalised_residuals(one))
+def assessed_rows(solved: Solved, number: int, rows: IntArray | slice) -> AssessedRows:
+    """Some rows of a group."""
+    quality, groups = solved.quality, solved.adjustment.problem.groups
+    group = some_rows(groups[number], rows)
+    is_check = number >= len(groups) - len(solved.network.checks)
+    if quality is None:
+        nothing = np.full(group.observed.shape, np.nan)
+        none = np.zeros(nothing.shape, dtype=bool)
+        no_joint = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
+        one = ObservationQuality(
+            -misclosures(group, solved.adjustment.values), nothing, nothing, *no_joint, nothing, none
+        )
+        return AssessedRows(group, is_check, None, one, Reliability(one, np.nan), nothing, nothing)
+    one, tests = quality.groups[number].at(rows), quality.reliability[number].at(rows)
+    return AssessedRows(group, is_check, quality, one, tests, tests.test, normalised_residuals(one))
 
 
 # ---- Columns of the residual table that say how an observation was tested, and how reliable it is.
@@ -198,7 +195,7 @@ SHOWN = (
 
 def observation_table(solved: Solved, columns: Sequence[str] = tuple(SCHEMA)) -> pl.DataFrame:
     """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty if there was no solution."""
-    parts = [table_of(rows, columns) for rows in AssessedGroups(solved).pieces()]
+    parts = [table_of(rows, columns) for rows in assessed_pieces(solved)]
     return pl.concat(parts) if parts else pl.DataFrame(schema={name: SCHEMA[name] for name in columns})
 
 
@@ -252,21 +249,17 @@ def named_places(group: ObservationGroup) -> dict[str, Names]:
 
 def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     """The rows of the table of residuals with the largest |w|, the worst first, equal ones in their order."""
-    tested, parts = AssessedGroups(solved), []
-    for number, rows in enumerate(_among_the_largest(solved, count)):
+    parts = []
+    found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
+    largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
+    limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
+    for number, rows in enumerate([np.flatnonzero(size >= limit) for size, _ in found]):
         if len(rows):
-            parts.append(table_of(tested.rows(number, rows)))
+            parts.append(table_of(assessed_rows(solved, number, rows)))
     if not parts:
         return pl.DataFrame(schema=SCHEMA)
     table = pl.concat(parts).filter(pl.col("w").is_not_null())
     return table[np.argsort(-comparable(np.abs(table["w"].to_numpy())), kind="stable")[:count]]
-
-
-def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
-    found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
-    largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
-    limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
-    return [np.flatnonzero(size >= limit) for size, _ in found]
 
 
 def _sizes(solved: Solved, number: int, count: int) -> tuple[FloatArray, FloatArray]:
@@ -297,13 +290,13 @@ def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, in
     """
     if solved.quality is None:
         return pl.DataFrame(schema=SCHEMA), 0
-    tested, parts, number = AssessedGroups(solved), [], 0
+    parts, number = [], 0
     for k, flagged in enumerate(solved.quality.flagged):
         loose = uncontrolled(solved.quality, k) & ~flagged
         rows = np.flatnonzero(loose.any(axis=1))[:count]
         number += int(np.count_nonzero(loose))
         if len(rows):
-            parts.append(table_of(tested.rows(k, rows)).filter(pl.col("flag") == "uncontrolled"))
+            parts.append(table_of(assessed_rows(solved, k, rows)).filter(pl.col("flag") == "uncontrolled"))
     return (pl.concat(parts).head(count) if parts else pl.DataFrame(schema=SCHEMA)), number
 
 
@@ -374,25 +367,20 @@ def check_rows(solved: Solved) -> list[dict[str, Any]]:
     groups = solved.adjustment.problem.groups
     for number in range(len(groups) - len(solved.network.checks), len(groups)):
         group, outcome = groups[number], check_outcome(quality, number)
-        values = {
-            "count": said_numbers(group, outcome.count[None])[0],
-            "mean": said_differences(group, outcome.mean[None])[0],
-            "rms": said_sizes(group, outcome.rms[None])[0],
-            "largest": said_differences(group, outcome.largest[None])[0],
-            "exceeding": said_numbers(group, outcome.exceeding[None])[0],
-        }
+        said = {"mean": said_differences, "rms": said_sizes, "largest": said_differences}
+        values = {key: way(group, getattr(outcome, key)[None])[0] for key, way in said.items()}
+        count, exceeding = (said_numbers(group, array[None])[0] for array in (outcome.count, outcome.exceeding))
         for k, component in enumerate(group.type.components):
-            if values["count"][k] > 0:
-                numbers = {key: float(array[k]) for key, array in values.items()}
+            if count[k] > 0:
                 rows.append(
                     {
                         "group": group.name,
                         "type": group.type.name,
                         "component": component.name,
                         "unit": ends_of_group(group).external.units[k],
-                        **numbers,
-                        "count": int(values["count"][k]),
-                        "exceeding": int(values["exceeding"][k]),
+                        "count": int(count[k]),
+                        **{key: float(array[k]) for key, array in values.items()},
+                        "exceeding": int(exceeding[k]),
                     }
                 )
     return rows

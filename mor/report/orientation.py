@@ -13,7 +13,7 @@ from mor.errors import InputError, Message, nearest
 from mor.input_files import read_bytes
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
 from mor.report.estimates import ANGLES
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 from mor.report.layout import cells, fixed, heading, short, table
 from mor.report.units import number_or_none
 from mor.start.bundle import Bundle, image_bundle
@@ -342,7 +342,7 @@ def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) ->
 
 
 def relative_data(
-    measured: HomologousPoints, found: Oriented, unit: str, attitude: FloatArray | None = None
+    measured: HomologousPoints, found: Oriented, unit: str, attitude: FloatArray | None
 ) -> dict[str, Any]:
     """All of it, angles in ``unit``; the keys of the first pair stand on their own as well.
 
@@ -477,7 +477,7 @@ SHOWN = 6
 """Decimals of angles; of the ik and the base one more."""
 
 
-def relative_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
+def relative_text(data: dict[str, Any], words: Words) -> str:
     """Every pair, then the model of all images."""
     parts = [_text_of_pair(pair, len(data["pairs"]) > 1, words) for pair in data["pairs"]]
     parts.append(_text_of_model(data, words))
@@ -643,7 +643,7 @@ MOST = 14
 """Results whose correlations are shown; of more they are in the JSON."""
 
 
-def planar_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
+def planar_text(data: dict[str, Any], words: Words) -> str:
     """The outcome, and each solution with σ."""
     lines = [words("Plane object: {words}", words=words.listed(data["words"]))]
     if data["outcome"] == "not_plane":

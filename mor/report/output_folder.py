@@ -52,9 +52,7 @@ try:
 except ImportError:  # not on Windows: there two runs at once are not told of each other
     fcntl = None  # type: ignore[assignment]
 
-_AT_WORKING_FOLDER = -100
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-_WITHOUT_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
 
 
 class Reservation(NamedTuple):
@@ -192,7 +190,7 @@ def _exchanged(one: Path, other: Path) -> bool:
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
     if rename is None:
         return False
-    here = ctypes.c_int(_AT_WORKING_FOLDER)
+    here = ctypes.c_int(-100)  # AT_FDCWD: relative paths begin in the working folder
     # Of the Linux call ``renameat2``.
     return bool(rename(here, os.fsencode(one), here, os.fsencode(other), ctypes.c_uint(2)) == 0)
 
@@ -238,7 +236,7 @@ def _lock(descriptor: int) -> None:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
-        if error.errno not in _WITHOUT_LOCKS:
+        if error.errno not in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS):
             raise
 
 

@@ -46,9 +46,8 @@ from mor.report.page_data import (
     MOST_VECTORS,
     PageData,
     chart_library,
-    checked_coordinates,
     control_table,
-    deviations,
+    deviations_of_points,
     page_data,
     payload,
     rms,
@@ -95,7 +94,7 @@ _LONGEST = 600.0
 """Seconds a browser may take over the largest page."""
 
 
-def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) -> Markup:
+def running_heads(title: str, identity: dict[str, Any], words: Words) -> Markup:
     """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
     right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
     head = title if len(title) <= 70 else f"{title[:69]}…"
@@ -244,7 +243,7 @@ class Statement(NamedTuple):
 
     state: str
     title: str
-    words: str
+    words: str = ""
     link: str = ""
     """Section of the page, or table of it, that has more."""
 
@@ -329,51 +328,26 @@ def determination(data: PageData) -> Statement:
 
 
 def headline(data: PageData) -> Statement:
-    """One sentence: accepted or not."""
-    summary, say = data.view.summary, data.words
-    test, count = summary["global_test"], summary["iterations"]
-    if summary["redundancy"] == 0:
-        words = say(
-            "The adjustment converged after {count:iteration|iterations}, but the redundancy is 0: nothing is tested.",
-            count=count,
-        )
-        return Statement(BAD, say("Not controlled"), words)
-    shared = in_common(data.view.gross_errors.get("in_common", []), say)
-    left_out = sentences(data.view.suspects, say)
-    if left_out:
-        return Statement(BAD, say("Not accepted"), " ".join([*left_out, *shared]))
-    things = tuple(_thing(row) for row in summary.get("undeterminable", []))
-    gone = [*emptied(data.view.groups.to_dicts(), say), *_mostly_out(data), *sentences_of_things(things, say)]
-    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *gone])
-    contradicted = contradictions(data.view.verdict, say)
-    open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
-    whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])
-    flagged = " ".join([*open_, flagged])
-    if not test["accepted"]:
-        larger = test["statistic"] > test["upper"]
-        words = say(
-            "The adjustment converged after {count:iteration|iterations}, but the global test rejects it: "
-            "residuals are {size} than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
-            count=count,
-            size=say("larger") if larger else say("smaller"),
-            ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
-        )
-        words = " ".join([words, *contradicted, flagged])
-        return Statement(BAD if larger else DOUBT, say("Not accepted"), words)
-    words = say("The adjustment converged after {count:iteration|iterations}, the global test accepts it.", count=count)
-    if contradicted:
-        return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
-    if not whole:
-        return Statement(BAD, say("Not determined"), f"{words} {flagged}")
+    """Whether the adjustment is accepted: a state and a title."""
+    view, say = data.view, data.words
+    test, loose = view.summary["global_test"], view.summary.get("uncontrolled") or 0
+    open_ = ill_determined(view.verdict, view.length, say)
+    things = [row for row in view.summary.get("undeterminable", []) if row["treatment"]]
+    if view.summary["redundancy"] == 0:
+        return Statement(BAD, say("Not controlled"))
+    if view.suspects is None and test["statistic"] < test["lower"]:
+        return Statement(DOUBT, say("Not accepted"))
+    if view.suspects is not None or not test["accepted"] or contradictions(view.verdict, say):
+        return Statement(BAD, say("Not accepted"))
+    if open_ and not (view.verdict or {})["determined"]["as_a_whole"]:
+        return Statement(BAD, say("Not determined"))
     if open_:
-        return Statement(DOUBT, say("Accepted, but partly ill-determined"), f"{words} {flagged}")
-    loose = summary.get("uncontrolled") or 0
+        return Statement(DOUBT, say("Accepted, but partly ill-determined"))
     if loose:
-        title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)
-        return Statement(DOUBT, title, f"{words} {flagged}")
-    if summary["flagged"] or gone:
-        return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
-    return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+        return Statement(DOUBT, say("Accepted, {count:observation|observations} uncontrolled", count=loose))
+    if view.summary["flagged"] or emptied(view.groups.to_dicts(), say) or _mostly_out(data) or things:
+        return Statement(DOUBT, say("Accepted, with observations to look at"))
+    return Statement(GOOD, say("Accepted"))
 
 
 def _rests_on(data: PageData) -> list[Statement]:
@@ -639,17 +613,30 @@ def page(view: View, words: Words = ENGLISH) -> str:
     for number, charts in enumerate(cameras):
         figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
     covered = overlap_map(overlap(view, data.rays))
-    template = environment().get_template("page.html.j2")
-    return template.render(
+    return rendered(
+        "page.html.j2",
+        view.summary["title"] or words("Adjustment"),
+        view.identity,
+        words,
+        ("page.css", "epochs.css") if view.movements.height else ("page.css",),
         **_content(data),
         figures=figures,
         overlap=covered is not None,
         payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
-        style=Markup(asset("page.css") + (asset("epochs.css") if data.view.movements.height else "")),
-        running=running_heads(data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words),
         scripts=[Markup(asset(name)) for name in SCRIPTS],
     )
+
+
+def rendered(
+    template: str, title: str, identity: dict[str, Any], words: Words, styles: Sequence[str], **content: Any
+) -> str:
+    """Return a page made from a template, with its title, running heads and style sheets."""
+    content |= {"title": title, "identity": identity, "say": words, "running": running_heads(title, identity, words)}
+    templates, style = environment(), Markup("".join(map(asset, styles)))
+    if template == "failure.html.j2":  # its numbers are written as in the text report
+        templates.filters |= {"short": short, "fixed": fixed}
+    return templates.get_template(template).render(style=style, **content)
 
 
 def environment() -> Environment:
@@ -706,10 +693,10 @@ def asset(name: str) -> str:
 def _content(data: PageData) -> dict[str, Any]:
     view = data.view
     control, kind = control_table(view), Path(view.residuals_file).suffix
+    sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
+    unit, factor = small_unit(view.length, max(sizes, default=1.0))
     return {
-        "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
-        "identity": view.identity,
         **listed_notes(view.notes, data.words),
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
@@ -721,14 +708,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "gross": view.gross_errors,
         "relative": view.relative,
         "checks": view.checks,
-        "deviations": [
-            (kind, rows)
-            for kind, rows in (
-                ("control points", deviations(control)),
-                ("check points", deviations(checked_coordinates(view))),
-            )
-            if rows
-        ],
+        "deviations": deviations_of_points(view),
         "control": control[:MOST_LISTED].to_dicts(),
         "control_left": max(0, control.height - MOST_LISTED),
         "counts": {
@@ -748,9 +728,9 @@ def _content(data: PageData) -> dict[str, Any]:
         "datum": data.datum,
         "moved_points": _moved_points(data),
         "movements": [data.words(name) for name in view.summary["movements"]],
-        "say": data.words,
         "language": data.words.language,
-        **_movement(view),
+        "movement_unit": unit,
+        "movement_factor": factor,
     }
 
 
@@ -766,12 +746,6 @@ def _moved_points(data: PageData) -> dict[str, Any] | None:
         "drawing": movement_drawing(found, data.words),
         "table": listed_movements(last.sort("p", nulls_last=True), view.length, data.words, MOST_LISTED),
     }
-
-
-def _movement(view: View) -> dict[str, Any]:
-    sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
-    unit, factor = small_unit(view.length, max(sizes, default=1.0))
-    return {"movement_unit": unit, "movement_factor": factor}
 
 
 def sigma_words(data: PageData) -> str:
@@ -827,29 +801,24 @@ SHOWN = 1000
 """Things that nothing determines that are listed."""
 
 
-def failure_page(
-    solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words = ENGLISH
-) -> str:
+def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words) -> str:
     """The page of an outcome that is no solution, in a language: HTML that needs nothing else.
 
     ``notes`` are those of :func:`mor.report.identity.note_rows`.
     """
-    templates = environment()
-    templates.filters |= {"short": short, "fixed": fixed}
     data = summary(solved)
-    content: dict[str, Any] = {
-        "title": data["title"] or words("Adjustment"),
-        "summary": data,
-        "identity": identity,
+    return rendered(
+        "failure.html.j2",
+        data["title"] or words("Adjustment"),
+        identity,
+        words,
+        ("page.css",),
         **listed_notes(notes, words),
-        "persons": persons(identity, words),
-        "verdict": verdict(solved, words),
-        "explained": undetermined_section(solved, words).splitlines()[2:],
-        "things": data["undeterminable"][:SHOWN],
-        "more": max(0, len(data["undeterminable"]) - SHOWN),
-        "failure": failure(solved) or {},
-        "say": words,
-        "running": running_heads(data["title"] or words("Adjustment"), identity, words),
-        "style": Markup(files("mor.report").joinpath("assets", "page.css").read_text(encoding="utf-8")),
-    }
-    return templates.get_template("failure.html.j2").render(**content)
+        summary=data,
+        persons=persons(identity, words),
+        verdict=verdict(solved, words),
+        explained=undetermined_section(solved, words).splitlines()[2:],
+        things=data["undeterminable"][:SHOWN],
+        more=max(0, len(data["undeterminable"]) - SHOWN),
+        failure=failure(solved) or {},
+    )

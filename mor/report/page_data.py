@@ -24,6 +24,7 @@ from mor.quality.test_statistics import comparable
 from mor.report.estimates import bearings_of
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import frame_of, round_length
+from mor.report.observations import SHOWN as RESIDUALS
 from mor.report.view import (
     RayPairs,
     View,
@@ -124,8 +125,6 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
         pl.col("r").mean().alias("mean_r"),
         pl.col("w").max().alias("largest_w"),
         pl.col("unit").first().alias("unit"),
-        pl.col("vx").mean().alias("mean_vx"),
-        pl.col("vy").mean().alias("mean_vy"),
     )
     coverage = _coverages(view, measured, areas)
     return view.images.join(
@@ -194,6 +193,12 @@ def checked_coordinates(view: View) -> pl.DataFrame:
     return rows.select(name.str.strip_prefix("point ").alias("point"), "component", "unit", "v")
 
 
+def deviations_of_points(view: View) -> list[tuple[str, list[dict[str, Any]]]]:
+    """Deviations of control points and of check points, where there are such points."""
+    kinds = {"control points": control_table(view), "check points": checked_coordinates(view)}
+    return [(kind, found) for kind, rows in kinds.items() if (found := deviations(rows))]
+
+
 def rms(values: FloatArray) -> float | None:
     """Root mean square of what is there."""
     there = values[np.isfinite(values)]
@@ -256,9 +261,6 @@ def angle_unit_of_rays(view: View) -> str:
 
 # ---- Data of the network figure besides rays: sights by kind, given points, relative ellipses, external reliability.
 
-_SHARE = 0.06
-"""Share of the extent that large vectors are drawn with."""
-
 
 @cache
 def _drawn_kinds() -> dict[str, str]:
@@ -319,7 +321,8 @@ def scale_of_effects(view: View, effects: pl.DataFrame) -> float:
     sizes = np.linalg.norm(effects.select("dx", "dy", "dz").to_numpy(), axis=1)
     extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) if view.points.height else 0.0
     large = float(np.quantile(sizes, 0.9)) if len(sizes) else 0.0
-    return round_length(_SHARE * extent / large) if large > 0.0 and extent > 0.0 else 1.0
+    # Large vectors are drawn as long as 6 % of the extent.
+    return round_length(0.06 * extent / large) if large > 0.0 and extent > 0.0 else 1.0
 
 
 def relative_ellipses(view: View) -> pl.DataFrame:
@@ -450,12 +453,9 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
     for k, axis in enumerate("abc"):
         parts = (bearings_of(edge, unit, space.azimuths[:, k]), space.elevations[:, k] / ANGLE_UNITS[unit])
         for which, values in zip(("azimuth", "elevation"), parts, strict=True):
-            shown = np.where(there[:, k], np.round(values, _DECIMALS.get(unit, 1)), np.nan)
+            shown = np.where(there[:, k], np.round(values, {"rad": 3, "mrad": 0, "mgon": 0}.get(unit, 1)), np.nan)
             columns[f"ellipsoid_{which}_{axis}"] = shown
     return pl.DataFrame(columns, schema=dict.fromkeys(DIRECTIONS, pl.Float64))
-
-
-_DECIMALS = {"rad": 3, "mrad": 0, "mgon": 0}
 
 
 # ---- The data of the page: tables that its charts and tables are drawn from, with what was left to the files.
@@ -465,24 +465,8 @@ MOST_ROWS = 50_000
 MOST_VECTORS = 60_000
 """Rays whose residual vectors the page draws."""
 POINT_COLUMNS = (
-    *(
-        "id",
-        "x",
-        "y",
-        "z",
-        "sx",
-        "sy",
-        "sz",
-        "ellipsoid_a",
-        "ellipsoid_b",
-        "ellipsoid_c",
-        "ellipse_a",
-        "ellipse_b",
-        "ellipse_azimuth",
-        "rxy",
-        "rxz",
-        "ryz",
-    ),
+    *("id", "x", "y", "z", "sx", "sy", "sz", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c"),
+    *("ellipse_a", "ellipse_b", "ellipse_azimuth", "rxy", "rxz", "ryz"),
     *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
 )
 IMAGE_COLUMNS = (
@@ -490,14 +474,10 @@ IMAGE_COLUMNS = (
     *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
 )
 STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
-RESIDUAL_COLUMNS = (
-    *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
-    *("r", "w", "error", "nabla", "external", "influence", "flag"),
-)
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
-def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None = None) -> str:
+def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None) -> str:
     """Everything the page draws, packed; ``overlap`` is that of :func:`mor.report.figures.overlap_map`."""
     view, packer = data.view, Packer()
     worst = worst_first(view)
@@ -515,7 +495,7 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
         "relative": packer.table(relative_ellipses(view)),
         "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), _EXACT),
         "vectors": packer.table(vectors.drop("unit")),
-        "residuals": packer.table(worst.select(RESIDUAL_COLUMNS), _EXACT),
+        "residuals": packer.table(worst.select(name for name in RESIDUALS if name != "adjusted"), _EXACT),
     }
     return packer.text(head)
 

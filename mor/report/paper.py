@@ -11,10 +11,10 @@ import polars as pl
 import yaml
 
 from mor.errors import InputError, Message, escaped, shortened
-from mor.report.language import ENGLISH, Words
+from mor.report.language import Words
 from mor.report.layout import DIGITS, cells, in_words, persons, probability, sigma_decimals, small_unit
 from mor.report.page import agreement, cameras_of_page, determination, judgements, sigma_words
-from mor.report.page_data import PageData, checked_coordinates, control_table, deviations, page_data
+from mor.report.page_data import PageData, control_table, deviations_of_points, page_data
 from mor.report.plots import ellipses, spell_out, style
 from mor.report.verdict import said_conventions, uncontrolled_in_words
 from mor.report.view import View
@@ -106,7 +106,10 @@ class Writer:
         head, shown = list(headers), rows[:most]
         columns = [k for k in range(len(head)) if any(row[k] for row in shown)]
         left = sum(k < left for k in columns)
-        lines = [[_cell(row[k]) for k in columns] for row in (head, *shown)]
+        lines = [
+            [" ".join(shortened(word, 36 + 28) for word in escaped(row[k]).split(" ") if word) for k in columns]
+            for row in (head, *shown)
+        ]
         for line in lines[1:]:
             line[left:] = [text.replace(" ", "\u00a0") for text in line[left:]]
         size, gap = 7.75, 7.0
@@ -279,11 +282,6 @@ def _marked(text: str) -> str:
     return escaped(text).replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-def _cell(text: str) -> str:
-    """A cell: names too long for any column are shortened, so that no word needs to be broken."""
-    return " ".join(shortened(word, 36 + 28) for word in escaped(text).split(" ") if word)
-
-
 def _extents(
     lines: list[list[str]], size: float, width: Callable[[str, str, float], float]
 ) -> tuple[list[list[float]], list[list[float]]]:
@@ -304,7 +302,7 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
 # ---- The sections of the report.
 
 
-def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH) -> Writer:
+def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words) -> Writer:
     """Return the report of results that stand in ``folder``. Raises :class:`InputError` for an unknown appendix."""
     found = {
         "residuals": view.residuals.height,
@@ -471,14 +469,7 @@ def _cameras(to: Writer, data: PageData) -> None:
 
 def _control(to: Writer, data: PageData) -> None:
     say, view, control = data.words, data.view, control_table(data.view)
-    parts = [
-        (kind, row)
-        for kind, rows in (
-            ("control points", deviations(control)),
-            ("check points", deviations(checked_coordinates(view))),
-        )
-        for row in rows
-    ]
+    parts = [(kind, row) for kind, rows in deviations_of_points(view) for row in rows]
     if not (parts or control.height or view.checks):
         return
     to.heading(say("Control and checks"))
@@ -663,7 +654,7 @@ def _cells(row: dict[str, Any], columns: str) -> list[str]:
     return cells(row, columns, "–", "−")
 
 
-def text_on_paper(text: str, paper: str, words: Words = ENGLISH) -> Writer:
+def text_on_paper(text: str, paper: str, words: Words) -> Writer:
     """Return a text on sheets, as it stands; its first line is their head."""
     to = Writer(text.split("\n", 1)[0], paper, words)
     to.lines(text)

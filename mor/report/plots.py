@@ -141,7 +141,12 @@ def spell_out(figure: Figure) -> None:
 
 def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figure:
     """Distortion and correlations of one camera, the first if none is named. Raises :class:`InputError`."""
-    chosen = _chosen(view, name)
+    names = [camera["id"] for camera in view.cameras]
+    if not names:
+        raise InputError([Message("there is no camera to plot")])
+    if name is not None and name not in names:
+        raise InputError([Message(f"unknown camera {name!r}{nearest(name, names)}")])
+    chosen = view.cameras[names.index(name) if name else 0]
     measured = image_points(view)
     unit = str(measured["unit"][0]) if measured.height else str(chosen["unit"])
     area = camera_window(chosen, windows(view, measured).get(chosen["id"]), unit)
@@ -152,15 +157,6 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
         _curve(left, chosen, area, words)
     _matrix(right, chosen, words)
     return figure
-
-
-def _chosen(view: View, name: str | None) -> dict[str, Any]:
-    names = [camera["id"] for camera in view.cameras]
-    if not names:
-        raise InputError([Message("there is no camera to plot")])
-    if name is not None and name not in names:
-        raise InputError([Message(f"unknown camera {name!r}{nearest(name, names)}")])
-    return view.cameras[names.index(name) if name else 0]
 
 
 def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> None:
@@ -301,7 +297,6 @@ _KINDS = {
     "scale": ("scale bars", BLUE, "-", 2.5),
 }
 """Heading, colour, line and width of each kind of sight."""
-_GIVEN = {"control": ("control points", "^"), "check": ("check points", "s")}
 
 
 def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
@@ -331,7 +326,7 @@ def draw_paths(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
 def draw_given(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     """Control points and check points, each with its mark."""
     given = with_given(view, view.points)["given"].to_numpy()
-    for kind, (name, marker) in _GIVEN.items():
+    for kind, (name, marker) in {"control": ("control points", "^"), "check": ("check points", "s")}.items():
         xyz = places(view)[given == kind][:, chosen]
         if len(xyz):
             axes.plot(
@@ -582,7 +577,6 @@ def _map(axes: Axes, found: Overlap, words: Words) -> None:
 
 # ---- Residual vectors: of one image, or of all images one beside the other.
 
-_COLUMNS = 5
 _RESIDUALS_MOST = 60
 """Images that are drawn beside each other: those with the largest test values."""
 
@@ -593,7 +587,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     if measured.height == 0:
         raise InputError([Message("cannot plot residual vectors: there are no images")])
     names = _residuals_chosen(measured, image)
-    columns = min(_COLUMNS, len(names))
+    columns = min(5, len(names))
     rows = -(-len(names) // columns)
     wide = len(names) == 1
     figure = sheet(7.5, 5.5 if wide else 0.6 + 1.3 * rows)

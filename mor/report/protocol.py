@@ -47,35 +47,19 @@ class Procedure(NamedTuple):
 PROCEDURES = {
     "iso17123-3": Procedure(
         "Test of horizontal directions by ISO 17123-3:2001, full procedure",
-        "directions",
-        60,
-        (SigmaGroup("", ("horizontal",), 32),),
-        "mgon",
-        1e-3 * ANGLE_UNITS["gon"],
+        *("directions", 60, (SigmaGroup("", ("horizontal",), 32),), "mgon", 1e-3 * ANGLE_UNITS["gon"]),
     ),
     "iso17123-4": Procedure(
         "Test of a distance meter by ISO 17123-4:2012, full procedure",
-        "distance",
-        21,
-        (SigmaGroup("", ("distance",), 14),),
-        "mm",
-        1e-3,
+        *("distance", 21, (SigmaGroup("", ("distance",), 14),), "mm", 1e-3),
     ),
     "iso17123-5": Procedure(
         "Test of the coordinates of a total station, for ISO 17123-5",
-        "local",
-        54,
-        (SigmaGroup("position", ("x", "y"), 24), SigmaGroup("height", ("z",), 16)),
-        "mm",
-        1e-3,
+        *("local", 54, (SigmaGroup("position", ("x", "y"), 24), SigmaGroup("height", ("z",), 16)), "mm", 1e-3),
     ),
     "iso17123-8": Procedure(
         "Test of a GNSS receiver (RTK) by ISO 17123-8:2015, full procedure",
-        "coordinates",
-        90,
-        (SigmaGroup("position", ("x", "y"), 56), SigmaGroup("height", ("z",), 28)),
-        "mm",
-        1e-3,
+        *("coordinates", 90, (SigmaGroup("position", ("x", "y"), 56), SigmaGroup("height", ("z",), 28)), "mm", 1e-3),
     ),
 }
 """Four series of three sets to five targets; seven points in a line, with all distances and an unknown zero offset;
@@ -200,7 +184,6 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
 
 # ---- The protocol as plain data, and from these a text and a page, each on one sheet.
 
-SCHEMA, SCHEMA_VERSION = "mor-protocol", 1
 VDI, VDI_TITLE = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
 
 
@@ -230,8 +213,8 @@ def protocol(
             of_part = {"name": one.part.name, "freedom": one.part.freedom, "unit": PROCEDURES[standard].unit}
             parts.append(of_part | {key: value for key, value in one._asdict().items() if key != "part"})
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
+        "schema": "mor-protocol",
+        "schema_version": 1,
         "standard": standard,
         "title": title,
         "project": view.summary["title"],
@@ -272,16 +255,15 @@ _HEADERS = ("test", "unit", "found", "at least", "at most", "verdict")
 
 
 def _tests(data: dict[str, Any], words: Words) -> tuple[str, list[list[str]]]:
-    rows = []
-    for test in data["tests"]:
-        rows.append(
-            [
-                f"{test['letter']}) {_name(test['name'], test['part'], words)}",
-                test["unit"],
-                *("-" if v is None else words.number(short(v, 4)) for v in (test["found"], test["low"], test["high"])),
-                words("accepted") if test["passed"] else words("rejected"),
-            ]
-        )
+    rows = [
+        [
+            f"{test['letter']}) {_name(test['name'], test['part'], words)}",
+            test["unit"],
+            *(words.number(short(test[key], 4)) for key in ("found", "low", "high")),
+            words("accepted") if test["passed"] else words("rejected"),
+        ]
+        for test in data["tests"]
+    ]
     statistical = "Statistical tests, confidence level 95 %"
     return words("Lines: the error nearest to its limit" if data["permissible"] is not None else statistical), rows
 

@@ -23,39 +23,17 @@ from mor.output_files import Content, Writer, listed_files, write_content
 from mor.project.document import Document, any_unsafe, csv_lines, write_csv
 from mor.project.network import Network
 from mor.quality.solution import Solved
+from mor.report import estimates
 from mor.report.adjusted_project import Placed, adjusted_project, remarks
-from mor.report.estimates import FILE as UNDETERMINABLE_FILE
-from mor.report.estimates import (
-    boresight_rows,
-    chosen_pairs,
-    epoch_rows,
-    feature_table,
-    found_movements,
-    group_table,
-    image_table,
-    interior_rows,
-    knot_table,
-    motion_table,
-    movement_rows,
-    pair_table,
-    place_table,
-    point_table,
-    reference_table,
-    relative_rows,
-    station_table,
-    system_table,
-    undeterminable_rows,
-    undeterminable_table,
-    variance_components,
-)
+from mor.report.estimates import image_table, point_table
 from mor.report.identity import FILE, RunIdentity, identity_of, may_write, note_rows, readme
-from mor.report.language import LANGUAGES, words_of, words_of_page
+from mor.report.language import LANGUAGES, words_of
 from mor.report.observations import (
     SCHEMA,
     SHOWN,
     TESTED,
-    AssessedGroups,
     AssessedRows,
+    assessed_pieces,
     check_rows,
     fixed_point_rows,
     gross_errors,
@@ -88,32 +66,32 @@ def results(
     written.
     """
     beside = files is not None
-    points, images = point_table(solved), image_table(solved)
+    listed, interiors = _rows(image_table(solved), beside), image_interiors(solved)
     return {
         **summary(solved),
         "identity": identity_of(solved.network.project, of),
         "notes": note_rows(solved.network.notes, of.folder),
         "verdict": verdict_rows(solved),
         "reliability": reliability_rows(solved),
-        "points": _rows(points, beside),
-        "images": _with_interiors(_rows(images, beside), solved),
-        "motions": motion_table(solved).to_dicts(),
-        "epochs": epoch_rows(solved),
-        "trajectories": _rows(knot_table(solved), beside) if solved.network.trajectories else [],
-        "boresights": boresight_rows(solved),
-        "cameras": interior_rows(solved),
-        "stations": station_table(solved).to_dicts(),
-        "systems": system_table(solved).to_dicts(),
-        "pairs": pair_table(solved).to_dicts(),
-        "features": feature_table(solved).to_dicts(),
+        "points": _rows(point_table(solved), beside),
+        "images": None if listed is None else [{**row, **interiors.get(row["id"], {})} for row in listed],
+        "motions": estimates.motion_table(solved).to_dicts(),
+        "epochs": estimates.epoch_rows(solved),
+        "trajectories": _rows(estimates.knot_table(solved), beside) if solved.network.trajectories else [],
+        "boresights": estimates.boresight_rows(solved),
+        "cameras": estimates.interior_rows(solved),
+        "stations": estimates.station_table(solved).to_dicts(),
+        "systems": estimates.system_table(solved).to_dicts(),
+        "pairs": estimates.pair_table(solved).to_dicts(),
+        "features": estimates.feature_table(solved).to_dicts(),
         "others": [row for row in other_rows(solved) if not row["kind"].startswith("interior/")],
-        "groups": group_table(solved).to_dicts(),
-        "variance_components": variance_components(solved),
+        "groups": estimates.group_table(solved).to_dicts(),
+        "variance_components": estimates.variance_components(solved),
         "gross_errors": gross_errors(solved),
         "suspects": suspects(solved),
         "possible_causes": possible_causes(solved),
         "fixed_points": fixed_point_rows(solved),
-        "relative": relative_rows(solved, chosen_pairs(solved)),
+        "relative": estimates.relative_rows(solved, estimates.chosen_pairs(solved)),
         "checks": check_rows(solved),
         "failure": failure(solved),
         "tables": tables,
@@ -131,15 +109,8 @@ def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
     return frame.to_dicts() if frame.height <= INLINE or not beside else None
 
 
-def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list[dict[str, Any]] | None:
-    if images is None:
-        return None
-    interiors = image_interiors(solved)
-    return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
-
-
 def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
-    """Components of the interior orientation that an image has of its own, by image, where it has some."""
+    """The key ``interior`` of images with components of the interior orientation of their own, by image."""
     images, cameras = solved.network.things["image"], solved.network.project.cameras
     found = {}
     for i, (name, camera) in enumerate(zip(images.ids, images.parts["camera"], strict=True)):
@@ -147,23 +118,12 @@ def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
         if model.image_variant:
             kind, number = INTERIORS[model.model], int(images.parts["interior"][i])
             components = component_rows(solved, kind.key, number, kind.components)
-            found[name] = {own: components[own] for own in model.image_variant}
+            found[name] = {"interior": {own: components[own] for own in model.image_variant}}
     return found
 
 
 # ---- Memory of reports and tables from their sizes, before they are made; measured as that of the adjustment is.
 
-_LIBRARIES = 30e6
-_ROWS_TOGETHER = 500_000
-"""Rows of the long table that are in memory at a time."""
-_OF_ROW = 120
-_PAGE = 15e6
-_OF_RAY_ON_PAGE, _OF_OTHER_ON_PAGE = 1200, 1000
-"""Bytes of a row of the network beside the adjustment: in the tables, and on the page."""
-_OF_POINT = 450
-"""Bytes of a point in the tables and in the adjusted project."""
-_OF_LISTED = 5_500
-"""Bytes of a point that ``results.json`` lists, as Python objects."""
 FEWER = "--no-html, and --tables worst"
 """Advice."""
 
@@ -173,12 +133,13 @@ def memory_of_reports(network: Network, html: bool, tables: Literal["none", "wor
     rays = sum(group.count for group in network.groups if len(group.type.components) == 2)
     others = sum(group.count for group in network.groups) - rays
     points = len(network.things["point"].ids)
-    size = _LIBRARIES + _OF_LISTED * (points if points <= INLINE else 0)
-    size += _OF_POINT * points
+    size = 30e6  # libraries
+    size += 5_500 * (points if points <= INLINE else 0)  # a point that results.json lists, as Python objects
+    size += 450 * points  # in the tables and in the adjusted project
     if tables == "all" or html:
-        size += _OF_ROW * min(rays + others, _ROWS_TOGETHER)
+        size += 120 * min(rays + others, 500_000)  # rows of the long table that are in memory at a time
     if html:
-        size += _PAGE + _OF_RAY_ON_PAGE * rays + _OF_OTHER_ON_PAGE * others
+        size += 15e6 + 1200 * rays + 1000 * others
     return size
 
 
@@ -220,19 +181,18 @@ def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
 
 def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
-    tested = AssessedGroups(solved)
     names = (name for things in solved.network.things.values() for name in things.ids)
     unsafe = any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
 
     def csv(path: Path) -> None:
         with path.open("wb") as file:
             file.write((",".join(SCHEMA) + "\n").encode())
-            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows), unsafe)):
+            for height, text in _ahead(assessed_pieces(solved), lambda rows: _csv_lines(table_of(rows), unsafe)):
                 file.write(text)
                 done(height)
 
     def pieces() -> Iterator[pl.DataFrame]:
-        for piece in _ahead(tested.pieces(), table_of):
+        for piece in _ahead(assessed_pieces(solved), table_of):
             yield piece
             done(piece.height)
 
@@ -317,7 +277,7 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 
 
 def write_results(
-    solved: Solved, document: Document, of: RunIdentity, place: Reservation, choice: Choice | None = None
+    solved: Solved, document: Document, of: RunIdentity, place: Reservation, choice: Choice | None
 ) -> None:
     """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
 
@@ -328,10 +288,11 @@ def write_results(
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
     starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-    rows = undeterminable_rows(solved)
+    rows = estimates.undeterminable_rows(solved)
     if rows:
-        starts[UNDETERMINABLE_FILE] = table_writer(undeterminable_table(rows))
-    starts |= _external(solved, choice)
+        starts[estimates.FILE] = table_writer(estimates.undeterminable_table(rows))
+    if solved.quality is not None and choice.tables != "none" and external_reliability(solved).height:
+        starts[EXTERNAL] = lambda path: table_writer(external_reliability(solved))(path)
     long = dict(tables.values())
     # The list is completed below, before anything of the reports is made.
     files: list[str] = []
@@ -353,13 +314,7 @@ def write_results(
 
 def write_undeterminable(things: Sequence[UndeterminedObject], place: Reservation) -> None:
     """Write a folder with nothing but the table of what has no start values, which are too many for a screen."""
-    write_folder(place, {UNDETERMINABLE_FILE: table_writer(undeterminable_table(things))})
-
-
-def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
-    if solved.quality is None or choice.tables == "none" or not external_reliability(solved).height:
-        return {}
-    return {EXTERNAL: lambda path: table_writer(external_reliability(solved))(path)}
+    write_folder(place, {estimates.FILE: table_writer(estimates.undeterminable_table(things))})
 
 
 def _reports(
@@ -370,12 +325,10 @@ def _reports(
         "results.json": lambda: to_json(results(solved, names, of, files)),
         "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),
     }
-    if solved.quality is None and choice.html:
-        reports["report.html"] = lambda: _failure_page(solved, of, choice.language)
-    if solved.quality is not None and choice.html:
+    if choice.html:
         file = names.get("residuals", names.get("residuals_worst", ""))
         reports["report.html"] = lambda: _page(solved, of, file, choice.language)
-    if choice.html and found_movements(solved) is not None:
+    if choice.html and estimates.found_movements(solved) is not None:
         reports["movements.html"] = lambda: _page_of_movements(solved, of, choice.language)
     return reports
 
@@ -395,9 +348,11 @@ def _is_alone(solved: Solved, choice: Choice) -> bool:
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
     """Writers of the adjusted project and its tables; a table that is written is gone."""
-    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder)
+    snooped = solved.treatment is not None and solved.treatment.snooping is not None
+    placed = Placed(solved.network.original or solved.network, _values_as_read(solved), snooped)
+    text, frames = adjusted_project(placed, document, source.resolve(), folder)
     text = remarks(solved.network.undeterminable) + text
-    frames["reference.csv"] = reference_table(solved)
+    frames["reference.csv"] = estimates.reference_table(solved)
 
     def writer(name: str) -> Writer:
         return lambda path: table_writer(frames.pop(name))(path)
@@ -410,12 +365,12 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
     if choice.tables == "none":
         return {}
     frames: dict[str, Callable[[Solved], pl.DataFrame]] = {"points": point_table, "images": image_table}
-    if found_movements(solved) is not None:
-        frames |= {"motions": motion_table, "movements": movement_rows}
+    if estimates.found_movements(solved) is not None:
+        frames |= {"motions": estimates.motion_table, "movements": estimates.movement_rows}
     if solved.network.trajectories:
-        frames["trajectories"] = knot_table
+        frames["trajectories"] = estimates.knot_table
     if solved.network.world is not None:
-        frames["places"] = place_table
+        frames["places"] = estimates.place_table
     if choice.tables == "worst":
         frames["residuals_worst"] = lambda solved: worst_residuals(solved, WORST)
     points = len(solved.network.things["point"].ids)
@@ -447,11 +402,6 @@ def _by_itself(solved: Solved, write: Writer) -> Writer:
     return alone
 
 
-def _placed(solved: Solved) -> Placed:
-    snooped = solved.treatment is not None and solved.treatment.snooping is not None
-    return Placed(solved.network.original or solved.network, _values_as_read(solved), snooped)
-
-
 def _values_as_read(solved: Solved) -> Values:
     """Adjusted values of the blocks that were read: far ones far away, those left out as they were given."""
     network, values = solved.network, solved.adjustment.values
@@ -476,23 +426,20 @@ def write_project(placed: Placed, document: Document, source: Path, place: Reser
 
 
 def _page(solved: Solved, of: RunIdentity, file: str, language: str) -> str:
-    from mor.report.page import page
+    from mor.report.page import failure_page, page
     from mor.report.view import view_of
 
-    return page(view_of(solved, observation_table(solved, SHOWN), file, of), words_of_page(language))
+    words = words_of(language, "page")
+    if solved.quality is not None:
+        return page(view_of(solved, observation_table(solved, SHOWN), file, of), words)
+    notes = note_rows(solved.network.notes, of.folder)
+    return failure_page(solved, identity_of(solved.network.project, of), notes, words)
 
 
 def _page_of_movements(solved: Solved, of: RunIdentity, language: str) -> str:
     from mor.report.epochs import movements_page
 
-    return movements_page(solved, of, words_of_page(language))
-
-
-def _failure_page(solved: Solved, of: RunIdentity, language: str) -> str:
-    from mor.report.page import failure_page
-
-    notes = note_rows(solved.network.notes, of.folder)
-    return failure_page(solved, identity_of(solved.network.project, of), notes, words_of_page(language))
+    return movements_page(solved, of, words_of(language, "page"))
 
 
 def _made(text: Future[str]) -> Writer:

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor import __version__
 from mor.errors import escaped
 from mor.model.contract import ObservationGroup
 from mor.model.images import is_image_point
@@ -39,7 +38,7 @@ from mor.project.schema import Observations
 from mor.project.tables import Source, TableLocation, from_file, from_rows
 from mor.report import layout
 from mor.report.adjusted_project import Given, Placed, adjusted_project, grids_moved
-from mor.report.identity import RunIdentity, identity_of
+from mor.report.identity import RunIdentity, identity_of, schema_of
 from mor.report.language import Words
 from mor.report.layout import heading, paragraphs, short, table
 from mor.report.observations import named_places
@@ -324,8 +323,6 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
 
 # ---- The report of a Monte Carlo simulation: text and plain data.
 
-SCHEMA = "mor-montecarlo"
-SCHEMA_VERSION = 1
 _NAMES = {
     "solutions": "runs with a solution",
     "variance": "mean of vTPv / redundancy",
@@ -352,9 +349,7 @@ def monte_carlo_data(
     points = network.things["point"]
     name_of = dict(zip(points.parts["position"].tolist(), points.ids, strict=True))
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "program": f"mor {__version__}",
+        **schema_of("mor-montecarlo", 1),
         "title": network.project.title,
         "runs": int(tally.runs),
         "solved": int(tally.solved),

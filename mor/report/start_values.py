@@ -16,7 +16,7 @@ from mor.report.layout import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, heading, s
 from mor.report.orientation import numbers
 from mor.report.page_data import drawn_axes
 from mor.report.plots import sheet
-from mor.report.units import number_or_none
+from mor.report.units import angle_unit_of, number_or_none
 from mor.solve.inverse import Local, local_precision
 from mor.solve.problem import Problem
 from mor.start.part import Approximation, Join, Phrase, rule
@@ -148,12 +148,16 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
     if status in ("found", "replaced"):
         how = approximation.how.get(f"{space} {name}") or _BY_DEFAULT.get(space, _BY_DEFAULT["system"])
     factor = np.fmax(local.misfit[number], 1.0)
-    per_unit = ANGLE_UNITS[_angle(network)] if kind == "rotation" else 1.0
+    per_unit = ANGLE_UNITS[angle_unit_of(network.project)] if kind == "rotation" else 1.0
     sigma = factor * local.sigma[number] / per_unit
+    if kind == "rotation":
+        sigma = np.array([np.nan if np.isnan(sigma).all() else np.nanmax(sigma)])
+    elif kind == "point":
+        sigma = np.abs(in_project_axes(network, sigma[None])[0])
     return StartValue(
         space, name, WHAT.get(kind, kind.partition("/")[0]), status,
         _changed_names(network, kind, number, changed), None if status == "missing" else home if changed.any() else 0,
-        how, components, values, units, _sigma_outwards(network, kind, sigma),
+        how, components, values, units, sigma,
         float(local.misfit[number]), int(local.observations[number]),
     )  # fmt: skip
 
@@ -176,19 +180,14 @@ def _changed_names(network: Network, kind: str, number: int, changed: BoolArray)
     return tuple(np.array(KINDS[kind].names)[changed].tolist())
 
 
-def _angle(network: Network) -> str:
-    unit = network.project.units.angle
-    return "deg" if unit == "dms" else unit
-
-
 def _outwards(
     network: Network, kind: str, number: int, value: FloatArray
 ) -> tuple[tuple[str, ...], FloatArray, tuple[str, ...]]:
     edge, names = network.edge, KINDS[kind].names
     if kind == "rotation":
         turned = value @ edge.matrix if edge.right_handed else value
-        angles = angles_from_rotation(turned[None])[0] / ANGLE_UNITS[_angle(network)]
-        return names, angles, (_angle(network),) * 3
+        angles = angles_from_rotation(turned[None])[0] / ANGLE_UNITS[angle_unit_of(network.project)]
+        return names, angles, (angle_unit_of(network.project),) * 3
     if kind == "point":
         value = in_project_axes(network, value[None])[0]
     scale = network.scales.get(network.blocks[kind].ids[number].removeprefix("camera "))
@@ -199,14 +198,6 @@ def in_project_axes(network: Network, xyz: FloatArray) -> FloatArray:
     """Coordinates (n, 3) in the axes of the project; what is not known of one does not spread to the others."""
     M = network.edge.matrix
     return np.asarray(xyz[:, np.argmax(np.abs(M), axis=0)] * M.sum(axis=0))
-
-
-def _sigma_outwards(network: Network, kind: str, sigma: FloatArray) -> FloatArray:
-    if kind == "rotation":
-        sigma = np.array([np.nan if np.isnan(sigma).all() else np.nanmax(sigma)])
-    elif kind == "point":
-        sigma = np.abs(in_project_axes(network, sigma[None])[0])
-    return sigma
 
 
 def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int]]]:
@@ -293,25 +284,21 @@ _EXPLAINED = (
 STATUSES = ("given", "found", "replaced", "missing")
 
 
-def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words = ENGLISH) -> str:
+def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words) -> str:
     """The report on start values."""
     all_given = words("All start values are given.") if all(row.status == "given" for row in rows) else ""
+    lines = [
+        [words.listed(kind), words.listed(what), *(str(number[status]) for status in STATUSES)]
+        for kind, what, number in counts(rows)
+    ]
     parts = [
         all_given,
-        _counts(rows, words),
+        f"{heading(words('Start values'))}\n{table(['thing', 'value', *STATUSES], lines, 2, words)}",
         _parts(approximation, words),
         *_values(rows, words),
         _missing(approximation, words),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def _counts(rows: Sequence[StartValue], words: Words) -> str:
-    lines = [
-        [words.listed(kind), words.listed(what), *(str(number[status]) for status in STATUSES)]
-        for kind, what, number in counts(rows)
-    ]
-    return f"{heading(words('Start values'))}\n{table(['thing', 'value', *STATUSES], lines, 2, words)}"
 
 
 def _parts(approximation: Approximation, words: Words) -> str:
@@ -432,7 +419,10 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
     axes.set_aspect("equal", adjustable="datalim")
     home, points = _start_values_homes(approximation, len(xyz)), network.things["point"].parts["position"]
     spaces = ("image", "images", "D"), ("station", "stations", "^")
-    for number, colour in _drawn(home):
+    homes, sizes = np.unique(home, return_counts=True)
+    largest = homes[np.argsort(-sizes, kind="stable")][:12].tolist()  # of more parts only these are drawn
+    for k, number in enumerate(sorted(largest)):
+        colour = _COLOURS[k % len(_COLOURS)]
         label = words("part {number}", number=number) if number else words.listed("object system")
         _marks(axes, xyz[points[home[points] == number]][:, chosen], "o", 3, colour, label)
         for space, _, marker in spaces:
@@ -440,7 +430,14 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
             _marks(axes, xyz[places[home[places] == number]][:, chosen], marker, 6, colour, "")
     for _, called, marker in spaces:
         _marks(axes, np.zeros((0, 2)), marker, 6, GREY, words(called))
-    _labels(network, axes, xyz, chosen)
+    named = [
+        (name, xyz[block][chosen])
+        for space in ("point", "image", "station")
+        for name, block in zip(network.things[space].ids, network.things[space].parts["position"], strict=True)
+    ]
+    for name, place in named if len(named) <= 40 else ():
+        if np.isfinite(place).all():
+            axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=5)
     missing = words("{count} without start values", count=len(approximation.missing))
     title = network.project.title or words("Network")
@@ -468,24 +465,6 @@ def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
     return home
 
 
-def _drawn(home: IntArray) -> list[tuple[int, str]]:
-    numbers, counts = np.unique(home, return_counts=True)
-    # Parts that are drawn, of more the largest.
-    most = sorted(numbers[np.argsort(-counts, kind="stable")][:12].tolist())
-    return [(int(number), _COLOURS[k % len(_COLOURS)]) for k, number in enumerate(most)]
-
-
 def _marks(axes: Axes, xy: FloatArray, marker: str, size: float, colour: str, label: str) -> None:
     if len(xy) or label:
         axes.plot(xy[:, 0], xy[:, 1], marker, color=colour, ms=size, ls="none", label=label or "_", zorder=3)
-
-
-def _labels(network: Network, axes: Axes, xyz: FloatArray, chosen: list[int]) -> None:
-    named = [
-        (name, xyz[block][chosen])
-        for space in ("point", "image", "station")
-        for name, block in zip(network.things[space].ids, network.things[space].parts["position"], strict=True)
-    ]
-    for name, place in named if len(named) <= 40 else ():
-        if np.isfinite(place).all():
-            axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)

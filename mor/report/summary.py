@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor import __version__
 from mor.model.parameters import KINDS, index_unknowns
 from mor.project.entities import said_thing, thing_of
 from mor.project.network import Network
@@ -15,10 +14,11 @@ from mor.quality.reliability_map import uncontrolled_count
 from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
 from mor.report.estimates import undeterminable_rows
+from mor.report.identity import schema_of
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
-from mor.report.observations import AssessedGroups, table_of
-from mor.report.units import angle_unit, angle_unit_of, number_or_none
+from mor.report.observations import assessed_pieces, table_of
+from mor.report.units import angle_unit, angle_unit_of, number_or_none, picked, unit_of
 from mor.solve.datum import BY_CURVATURE
 from mor.units import ANGLE_UNITS
 
@@ -33,9 +33,7 @@ def summary(solved: Solved) -> dict[str, Any]:
     project, adjustment = solved.network.project, solved.adjustment
     movements = [*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order]
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "program": f"mor {__version__}",
+        **schema_of(SCHEMA, SCHEMA_VERSION),
         "title": project.title,
         "units": {"length": project.units.length, "angle": angle_unit_of(project)},
         "axes": project.axes.model_dump(),
@@ -59,13 +57,7 @@ def summary(solved: Solved) -> dict[str, Any]:
         "datum": adjustment.problem.datum.name,
         **statistics(solved),
         "iteration_log": [
-            {
-                "number": step.number,
-                "objective": step.objective,
-                "largest_change": step.largest_change,
-                "damping": step.damping,
-            }
-            for step in adjustment.iterations
+            picked(step, "number", "objective", "largest_change", "damping") for step in adjustment.iterations
         ],
     }
 
@@ -77,7 +69,6 @@ def statistics(solved: Solved) -> dict[str, Any]:
         return dict.fromkeys(("redundancy", "redundancy_sum", "sigma0", "global_test", "flagged"))
     apriori = solved.network.project.settings.sigma0
     aposteriori = apriori * quality.sigma0
-    test = quality.global_test
     return {
         "redundancy": quality.redundancy,
         "redundancy_sum": quality.redundancy_sum,
@@ -88,13 +79,7 @@ def statistics(solved: Solved) -> dict[str, Any]:
             "ratio_of_sigmas": quality.sigma0 if quality.redundancy > 0 else None,
             "used_for_sigma": apriori * quality.sigma_factor,
         },
-        "global_test": {
-            "statistic": test.statistic,
-            "lower": test.lower,
-            "upper": test.upper,
-            "level": test.level,
-            "accepted": test.accepted,
-        },
+        "global_test": picked(quality.global_test, "statistic", "lower", "upper", "level", "accepted"),
         "hardly_determined": weakness(solved),
         "critical_w": quality.critical,
         "snooping_level": quality.levels.snooping,
@@ -110,12 +95,10 @@ def failure(solved: Solved) -> dict[str, Any] | None:
     """Return the unknowns that do not settle and the worst residuals of a failed adjustment."""
     if solved.quality is not None:
         return None
-    # Observations that are told where there is no solution.
-    worst = worst_misfits(solved, 100).to_dicts()
     return {
         "notice": "NOT A SOLUTION: all values are those of the last iteration",
         "moving": moving_rows(solved),
-        "worst": worst,
+        "worst": worst_misfits(solved, 100).to_dicts(),
     }
 
 
@@ -127,8 +110,7 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
     rows = []
     for (kind, block, component), steps, back in zip(found.unknowns, found.steps, found.to_and_fro, strict=True):
         quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
-        angle = angle_unit(solved)
-        factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
+        factor = ANGLE_UNITS[angle_unit(solved)] if quantity.angle == 1 else 1.0
         space, name = thing_of(kind, block)
         rows.append(
             {
@@ -136,11 +118,7 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
                 "of": space,
                 "id": name,
                 "component": component,
-                "unit": quantity.unit(
-                    solved.network.project.units.length,
-                    angle,
-                    next((scale.unit for scale in solved.network.scales.values()), "mm"),
-                ),
+                "unit": unit_of(solved, quantity),
                 "steps": [number_or_none(step / factor) for step in steps],
                 # Part of the way that was taken back from which on an unknown moves to and fro.
                 "way": ("wanted" if len(steps) == 1 else "to and fro" if float(back) > 0.5 else "away"),
@@ -151,9 +129,8 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
 
 def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:
     """The observations with the largest |v|/σ at the last values, the worst first, with it as ``misfit``."""
-    tested, parts = AssessedGroups(solved), []
-    largest = np.zeros(0)
-    for rows in tested.pieces():
+    parts, largest = [], np.zeros(0)
+    for rows in assessed_pieces(solved):
         size = np.where(rows.group.left_out, 0.0, np.abs(rows.one.v) / rows.group.sigma)
         size = np.nan_to_num(size, nan=0.0, posinf=np.inf)
         largest = np.sort(np.concatenate([largest, size.max(axis=1)]))[-count:]

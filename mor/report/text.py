@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from mor.errors import escaped
 from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
-from mor.report.estimates import group_table, interior_rows, point_table
+from mor.report.estimates import free_rows, group_table, interior_rows, point_table, rms_sigma
 from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import ALL, cells, fixed, in_words, paragraphs, short, table
@@ -273,17 +271,11 @@ def _worst(solved: Solved, words: Words) -> list[str]:
 
 
 def _points(solved: Solved, words: Words) -> list[str]:
-    frame = point_table(solved)
-    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(frame["status"].is_in(["free", "partly fixed"]))
+    free = free_rows(point_table(solved))
     if free.height == 0:
         return []
-    unit = solved.network.project.units.length
-    rms = [float(np.sqrt(np.nanmean(free[f"s{name}"].cast(float).to_numpy() ** 2))) for name in "xyz"]
-    numbers = ", ".join(
-        f"{name.upper()} {words.number(short(value, 3))}"
-        for name, value in zip("xyz", rms, strict=True)
-        if value != 0.0
-    )
+    unit, rms = solved.network.project.units.length, zip("XYZ", rms_sigma(free), strict=True)
+    numbers = ", ".join(f"{name} {words.number(short(value, 3))}" for name, value in rms if value != 0.0)
     worst = free.row(free["ellipsoid_a"].arg_max() or 0, named=True)
     return [
         words(

@@ -55,7 +55,7 @@ SENTENCES = {
 """What each cause says."""
 
 
-def hypothesis_section(solved: Solved, words: Words = ENGLISH) -> str:
+def hypothesis_section(solved: Solved, words: Words) -> str:
     """The possible causes, the best first, with a line to try each of them."""
     rows = possible_causes(solved)
     note = words(
@@ -74,7 +74,7 @@ def scored(rows: list[dict[str, Any]], words: Words = ENGLISH, note: str = "") -
     return "\n".join(lines)
 
 
-def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
+def first_sentence(rows: list[dict[str, Any]], words: Words) -> list[str]:
     """The best possible cause, for the verdict."""
     return [
         words("Possible cause, not verified (run mor diagnose): {cause}.", cause=sentence(row, words))
@@ -82,12 +82,12 @@ def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[s
     ]
 
 
-def decrease(row: dict[str, Any], words: Words = ENGLISH) -> str:
+def decrease(row: dict[str, Any], words: Words) -> str:
     """State how a possible cause would reduce vᵀPv."""
     return words("vTPv would decrease by {gain}", gain=words.number(short(row["vtpv_decrease"], 4)))
 
 
-def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
+def diagnosed(data: dict[str, Any], words: Words) -> str:
     """The result of a diagnosis: what is offered, and a table of what was tried."""
     before = data["vtpv_before"]
     lines = [
@@ -295,7 +295,7 @@ def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[s
     return lines
 
 
-def snooped_in_words(data: dict[str, Any] | None, words: Words, shown: int = SHOWN_RELIABILITY) -> list[str]:
+def snooped_in_words(data: dict[str, Any] | None, words: Words, shown: int) -> list[str]:
     """State what data snooping removed and reinstated; empty if it was not requested."""
     if data is None:
         return []
@@ -332,7 +332,7 @@ def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) ->
     return [words(advice, things=enumerated(named, shown, words))]
 
 
-def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown: int = SHOWN_RELIABILITY) -> list[str]:
+def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown: int) -> list[str]:
     """State what the robust solution rejects and how points move; empty if it was not requested."""
     if data is None:
         return []
@@ -360,7 +360,7 @@ SHOWN_UNDETERMINED = 1000
 """Things a text report lists; the table beside it has all."""
 
 
-def undetermined_section(solved: Solved, words: Words = ENGLISH) -> str:
+def undetermined_section(solved: Solved, words: Words) -> str:
     """Explanation of a singular system, or of directions that are hardly determined; nothing otherwise."""
     weak = weakness(solved, words)
     if weak:
@@ -411,7 +411,7 @@ def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_UNDETERMIN
     return "\n".join(lines)
 
 
-def sentences_of_things(things: Sequence[UndeterminedObject], words: Words = ENGLISH) -> list[str]:
+def sentences_of_things(things: Sequence[UndeterminedObject], words: Words) -> list[str]:
     """Count the undetermined unknowns, name the first, and say where all of them are listed."""
     left = [thing for thing in things if thing.treatment == "left out"]
     far = [thing for thing in things if thing.treatment == "at infinity"]

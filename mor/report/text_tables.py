@@ -2,42 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 
 from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE
-from mor.project.axes import ImageScale
-from mor.project.schema import ProjectFile, Settings
+from mor.project.schema import Settings
 from mor.quality.precision import confidence_factor
 from mor.quality.solution import Solved
-from mor.report.estimates import (
-    ANGULAR,
-    PER,
-    POSE,
-    boresight_rows,
-    chosen_pairs,
-    ellipse_table,
-    feature_table,
-    found_movements,
-    free_points,
-    group_table,
-    image_table,
-    interior_rows,
-    knot_table,
-    motion_table,
-    movement_rows,
-    neighbouring_pairs,
-    pair_table,
-    place_table,
-    point_table,
-    relative_rows,
-    station_table,
-    system_table,
-    variance_components,
-)
+from mor.report import estimates
+from mor.report.estimates import POSE, found_movements
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     ANGLE_DIGITS,
@@ -58,15 +33,15 @@ from mor.report.observations import (
     uncontrolled_residuals,
     worst_residuals,
 )
-from mor.report.units import angle_unit, angle_unit_of, other_rows
+from mor.report.units import angle_unit, angle_unit_of, other_rows, unit_of
 
 # ---- Interior orientations with σ and correlations.
 
 
-def camera_section(solved: Solved, words: Words = ENGLISH) -> str:
+def camera_section(solved: Solved, words: Words) -> str:
     """One part for each camera."""
     length = solved.network.project.units.length
-    parts = [_camera(row, length, words) for row in interior_rows(solved)]
+    parts = [_camera(row, length, words) for row in estimates.interior_rows(solved)]
     return "\n\n".join(parts)
 
 
@@ -97,13 +72,9 @@ def _camera(row: dict[str, Any], length: str, words: Words) -> str:
 # ---- Check points and check distances.
 
 
-def check_section(solved: Solved, words: Words = ENGLISH) -> str:
+def check_section(solved: Solved, words: Words) -> str:
     """Deviations of what was kept out, by group and component."""
-    return section_of(check_rows(solved), solved.network.project.units.length, words)
-
-
-def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
-    """The same of checks as :func:`mor.report.observations.check_rows` has them, and a unit of lengths."""
+    checks, unit = check_rows(solved), solved.network.project.units.length
     rows = [cells(row, "group component unit count mean:.4g rms:.4g largest:.4g exceeding") for row in checks]
     if not rows:
         return ""
@@ -122,40 +93,31 @@ NEIGHBOURS = 2000
 """Points of which a full report pairs each with its nearest."""
 
 
-def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
+def ellipse_section(solved: Solved, words: Words) -> str:
     """One line for each point with unknowns: the ellipse in plan; in three dimensions also the ellipsoid."""
     dimensions = solved.network.project.settings.dimensions
-    if len(free_points(solved)) == 0 or dimensions == "z":
+    if len(estimates.free_points(solved)) == 0 or dimensions == "z":
         return ""
-    rows = ellipse_table(solved).to_dicts()
-    lines = [heading(words("Error ellipses")), _explained(solved, words), plan(rows, solved.network.project, words)]
-    if dimensions == "xyz":
-        lines += ["", _space(solved, rows, words)]
-    return "\n".join(lines)
-
-
-def plan(rows: Sequence[Mapping[str, Any]], project: ProjectFile, words: Words) -> str:
-    """The ellipses in plan of points: ``id``, ``a``, ``b`` and ``azimuth``."""
-    length, angle = project.units.length, angle_unit_of(project)
-    headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
-    d = DIGITS[length]
-    return table(headers, [cells(row, f"id a:.{d}f b:.{d}f azimuth:.1f") for row in rows], words=words)
-
-
-def _space(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
+    rows = estimates.ellipse_table(solved).to_dicts()
     length, angle = solved.network.project.units.length, angle_unit(solved)
-    headers = ["point", "axis 1", "azimuth 1", "elevation 1", "axis 2", "azimuth 2", "elevation 2"]
-    headers += ["axis 3", "azimuth 3", "elevation 3"]
-    numbers = " ".join(f"axis{k}:.{DIGITS[length]}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
-    units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
-    return f"{units}\n{table(headers, [cells(row, f'id {numbers}') for row in rows], words=words)}"
+    d = DIGITS[length]
+    headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
+    plan = table(headers, [cells(row, f"id a:.{d}f b:.{d}f azimuth:.1f") for row in rows], words=words)
+    lines = [heading(words("Error ellipses")), _explained(solved, words), plan]
+    if dimensions == "xyz":
+        headers = ["point", "axis 1", "azimuth 1", "elevation 1", "axis 2", "azimuth 2", "elevation 2"]
+        headers += ["axis 3", "azimuth 3", "elevation 3"]
+        numbers = " ".join(f"axis{k}:.{d}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
+        units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
+        lines += ["", f"{units}\n{table(headers, [cells(row, f'id {numbers}') for row in rows], words=words)}"]
+    return "\n".join(lines)
 
 
 def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -> str:
     """One line for each pair of points asked for; where none is, for ``neighbours`` if wanted."""
-    pairs = chosen_pairs(solved)
+    pairs = estimates.chosen_pairs(solved)
     neighbours = neighbours and len(pairs) == 0
-    rows = relative_rows(solved, neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
+    rows = estimates.relative_rows(solved, estimates.neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
     if not rows:
         return ""
     length, angle = solved.network.project.units.length, angle_unit(solved)
@@ -185,9 +147,9 @@ def _explained(solved: Solved, words: Words) -> str:
 # ---- Planes, lines and right angles.
 
 
-def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
+def feature_section(solved: Solved, words: Words) -> str:
     """Two tables with one line for each feature, two for a right angle: place and direction, and their σ."""
-    frame = feature_table(solved)
+    frame = estimates.feature_table(solved)
     if frame.height == 0 or solved.quality is None:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
@@ -214,14 +176,14 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
 # ---- Observation groups with their estimated σ0.
 
 
-def group_section(solved: Solved, words: Words = ENGLISH) -> str:
+def group_section(solved: Solved, words: Words) -> str:
     """One line for each group."""
     if solved.quality is None:
         return ""
-    groups = group_table(solved).to_dicts()
+    groups = estimates.group_table(solved).to_dicts()
     columns = "name type observations redundancy:.3f vtpv:.3f sigma0:.4f flagged"
     headers = ["group", "type", "n", "sum r", "vTPv", "sigma0 [1]", "flagged"]
-    factors = components_in_words(variance_components(solved), groups, solved.network.project.settings, words)
+    factors = components_in_words(estimates.variance_components(solved), groups, solved.network.project.settings, words)
     rows = [cells(row, columns) for row in groups]
     return "\n".join([heading(words("Observation groups")), table(headers, rows, 2, words), *factors])
 
@@ -247,66 +209,50 @@ def components_in_words(
 # ---- Images: exterior orientation with σ, number of points, residuals.
 
 
-def image_section(solved: Solved, words: Words = ENGLISH) -> str:
-    """Two tables: positions and attitudes."""
-    frame = image_table(solved)
+def image_section(solved: Solved, words: Words) -> str:
+    """Tables of positions, of attitudes and of motions."""
+    frame, project = estimates.image_table(solved), solved.network.project
     if frame.height == 0:
         return ""
-    project, scales = solved.network.project, solved.network.scales
-    return "\n".join([heading(words("Images")), *listed(frame, project, scales, words)])
-
-
-def listed(frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, ImageScale], words: Words) -> list[str]:
-    """The rows of a table of images; ``scales`` are those of image coordinates, by camera."""
     unit, angle = project.units.length, angle_unit_of(project)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
-    units = {name: scale.coordinate_unit for name, scale in scales.items()}
+    units = {name: scale.coordinate_unit for name, scale in solved.network.scales.items()}
     rows, turns = frame.to_dicts(), ("omega", "phi", "kappa", "somega", "sphi", "skappa")
     place = " ".join(f"{name}:.{d}f" for name in ("x", "y", "z", "sx", "sy", "sz"))
     positions = [[*cells(row, f"id camera {place} points rms:.5f"), units[row["camera"]]] for row in rows]
     turned = " ".join(f"{name}:.{a}f" for name in turns)
     headers = ["image", "camera", *(f"{n} [{unit}]" for n in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0")), "points"]
-    return [
+    lines = [
+        heading(words("Images")),
         table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
         "",
         table(["image", *(f"{n} [{angle}]" for n in turns)], [cells(r, f"id {turned}") for r in rows], words=words),
-        *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
     ]
+    return "\n".join([*lines, *_motions(frame, unit, angle, words)])
 
 
-def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
-    names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
-    if names[0] not in frame.columns:
-        return ""
-    said = [(name, unit if name in IMAGE_VELOCITY.names else angle) for name in names]
-    rows = [
-        [row["id"], *(text for name in names for text in (fixed(row[name], 3), fixed(row[f"s{name}"], 3)))]
-        for row in frame.filter(pl.col(names[0]).is_not_null()).to_dicts()
-    ]
-    tables = [
-        table(
-            ["image", *(text for name, of in some for text in (f"{name} [{of}/s]", f"s{name}"))],
-            [[row[0], *row[1 + 2 * first : 7 + 2 * first]] for row in rows],
-            words=words,
-        )
-        for first, some in ((0, said[:3]), (3, said[3:]))
-    ]
-    return "\n\n".join(tables)
+def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> list[str]:
+    """Tables of velocity and rate of rotation of the images that move while they are read out."""
+    if IMAGE_VELOCITY.names[0] not in frame.columns:
+        return []
+    rows, lines = frame.filter(pl.col(IMAGE_VELOCITY.names[0]).is_not_null()).to_dicts(), []
+    for kind, of in ((IMAGE_VELOCITY, unit), (ROTATION_RATE, angle)):
+        headings = [text for name in kind.names for text in (f"{name} [{of}/s]", f"s{name}")]
+        numbers = " ".join(f"{name}:.3f s{name}:.3f" for name in kind.names)
+        lines += ["", table(["image", *headings], [cells(row, f"id {numbers}") for row in rows], words=words)]
+    return lines
 
 
 # ---- Instruments, heights, eccentricities and image-variant interiors that were estimated.
 
 
-def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
+def section_of_others(solved: Solved, words: Words) -> str:
     """One line for each component."""
-    units = solved.network.project.units
-    image_unit = next((scale.unit for scale in solved.network.scales.values()), "mm")
     rows = []
     for other in other_rows(solved):
-        quantities = {c.name: c.quantity for c in KINDS[other["kind"]].components}
+        units = {c.name: unit_of(solved, c.quantity) for c in KINDS[other["kind"]].components}
         for name, component in other["components"].items():
-            unit = quantities[name].unit(units.length, angle_unit(solved), image_unit)
-            rows.append([other["kind"], other["id"], name, unit, *cells(component, "value:.9g sigma:.4g")])
+            rows.append([other["kind"], other["id"], name, units[name], *cells(component, "value:.9g sigma:.4g")])
     if not rows:
         return ""
     headers = ["kind", "block", "component", "unit", "value", "sigma"]
@@ -321,33 +267,24 @@ SHOWN = 2000
 
 def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """One line for each point."""
-    frame = point_table(solved)
+    frame = estimates.point_table(solved)
     if frame.height == 0:
         return ""
     unit = solved.network.project.units.length
     d = DIGITS[unit]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
-    lines = [heading(words("Points (datum: {datum})", datum=datum)), listed_points(frame.head(shown), unit, words)]
-    if frame.height > shown:
-        lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
-    if solved.quality is not None:
-        free = frame.select("sx", "sy", "sz").filter(frame["status"].is_in(["free", "partly fixed"]))
-        if free.height:
-            rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
-            lines.append(
-                words("Root mean square sigma [{unit}]: ", unit=unit)
-                + ", ".join(f"{n.upper()} {words.number(fixed(value, d))}" for n, value in zip("xyz", rms, strict=True))
-            )
-    return "\n".join(lines)
-
-
-def listed_points(frame: pl.DataFrame, unit: str, words: Words) -> str:
-    """The rows of a table of points, lengths in a unit."""
     numbers = " ".join(f"{name}:.{DIGITS[unit]}f" for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a"))
-    rows = [cells(row, f"id {numbers} rays others status") for row in frame.to_dicts()]
+    rows = [cells(row, f"id {numbers} rays others status") for row in frame.head(shown).to_dicts()]
     names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
     headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
-    return table(headers, rows, words=words)
+    lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
+    if frame.height > shown:
+        lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
+    if solved.quality is not None and estimates.free_rows(frame).height:
+        rms = zip("XYZ", estimates.rms_sigma(frame), strict=True)
+        numbers = ", ".join(f"{name} {words.number(fixed(value, d))}" for name, value in rms)
+        lines.append(words("Root mean square sigma [{unit}]: ", unit=unit) + numbers)
+    return "\n".join(lines)
 
 
 # ---- The worst residuals first.
@@ -355,7 +292,7 @@ def listed_points(frame: pl.DataFrame, unit: str, words: Words) -> str:
 SHOWN_RESIDUALS = 40
 
 
-def residual_section(solved: Solved, words: Words = ENGLISH) -> str:
+def residual_section(solved: Solved, words: Words) -> str:
     """The observations with the largest |w|, and those that hardly anything controls."""
     if solved.quality is None:
         return ""
@@ -376,7 +313,7 @@ def residual_section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join(parts)
 
 
-def listed_residuals(solved: Solved, words: Words = ENGLISH) -> str:
+def listed_residuals(solved: Solved, words: Words) -> str:
     """All observations in the order of the input, those that were kept out among them."""
     if solved.quality is None:
         return ""
@@ -401,16 +338,16 @@ def rows_of(frame: pl.DataFrame, words: Words) -> str:
 # ---- Theodolite stations, local systems and stereo pairs.
 
 
-def station_section(solved: Solved, words: Words = ENGLISH) -> str:
+def station_section(solved: Solved, words: Words) -> str:
     """One table for each kind that occurs."""
     parts = []
     unit, angle = solved.network.project.units.length, angle_unit(solved)
     units = dict.fromkeys(("omega", "phi", "kappa", "orientation"), (angle, f".{ANGLE_DIGITS[angle]}f"))
     units["scale"] = ("1", ".9g")
     for title, frame, names in (
-        ("Theodolite stations", station_table(solved), ("x", "y", "z", "orientation", "height")),
-        ("Local systems", system_table(solved), ("x", "y", "z", "omega", "phi", "kappa", "scale")),
-        ("Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
+        ("Theodolite stations", estimates.station_table(solved), ("x", "y", "z", "orientation", "height")),
+        ("Local systems", estimates.system_table(solved), ("x", "y", "z", "omega", "phi", "kappa", "scale")),
+        ("Stereo pairs", estimates.pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
     ):
         if frame.height:
             said: dict[str, tuple[str, str]] = {}
@@ -449,7 +386,7 @@ def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_MO
     lines = [heading(words("Movements of points")), *statements(solved, words)]
     for part in (
         listed_parameters(solved, words, shown),
-        listed_movements(movement_rows(solved), length, words, shown),
+        listed_movements(estimates.movement_rows(solved), length, words, shown),
     ):
         if part.rows:
             lines += ["", table(part.headers, part.rows, part.left, words, last_left=True)]
@@ -504,7 +441,7 @@ def statements(solved: Solved, words: Words) -> list[str]:
 
 def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     """A line for each velocity and step, two for an annual oscillation."""
-    frame = motion_table(solved)
+    frame = estimates.motion_table(solved)
     headers = ["point", "parameter", "unit", "X", "Y", "Z", "sX", "sY", "sZ", "test [1]", "p", "nabla", "verdict"]
     if frame.height == 0:
         return Listed(headers, [], 3, "")
@@ -514,7 +451,7 @@ def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
         waves = row["parameter"] == "annual oscillation"
         name = words("annual" if waves else row["parameter"])
         name = words("step at {time}", time=row["time"]) if row["time"] else name
-        unit = f"{said}{PER[row['parameter']]}"
+        unit = f"{said}{estimates.PER[row['parameter']]}"
         nabla = "-" if row["smallest"] is None else short(row["smallest"] * factor, 3)
         tests = [fixed(row["test"], 2), _p(row["p"]), nabla, words("moves") if row["moved"] else ""]
         rows.append([row["point"], f"{name} sin" if waves else name, unit, *_cells(row, "", factor), *tests])
@@ -571,7 +508,7 @@ def _p(value: float | None) -> str:
 
 def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     """One line for each point, and what the coordinates refer to; nothing if the network is nowhere on the earth."""
-    world, frame = solved.network.world, place_table(solved)
+    world, frame = solved.network.world, estimates.place_table(solved)
     if world is None or frame.height == 0:
         return ""
     unit, angle = solved.network.project.units.length, angle_unit(solved)
@@ -579,10 +516,13 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     own = list(world.system.coordinates)
     heights = [name for name in ("ellipsoidal_height", "orthometric_height") if frame[name].count()]
     columns = [name for name in own if name != "height"] + heights + ["seast", "snorth", "sup"]
-    headers = ["point", *(f"{_said(name)} [{angle if name in ANGULAR else unit}]" for name in columns)]
+    short_names = {"ellipsoidal_height": "h", "orthometric_height": "H", "seast": "sE", "snorth": "sN", "sup": "sU"}
+    units = {name: angle if name in estimates.ANGULAR else unit for name in columns}
+    headers = ["point", *(f"{short_names.get(name, name)} [{units[name]}]" for name in columns)]
     # Decimals of latitudes and longitudes: a tenth of a millimetre.
     digits = [
-        {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in ANGULAR else d for name in columns
+        {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}[angle] if name in estimates.ANGULAR else d
+        for name in columns
     ]
     rows = [
         [row["id"], *(fixed(row[name], k) for name, k in zip(columns, digits, strict=True))]
@@ -600,11 +540,6 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     )
     lines.append(words(said, latitude=words.number(f"{latitude:.4f}"), longitude=words.number(f"{longitude:.4f}")))
     return "\n".join(lines)
-
-
-def _said(name: str) -> str:
-    said = {"ellipsoidal_height": "h", "orthometric_height": "H", "seast": "sE", "snorth": "sN", "sup": "sU"}
-    return said.get(name, name)
 
 
 # ---- Trajectories: how they are interpolated, their knots with σ, misalignments of inertial systems.
@@ -631,27 +566,23 @@ def trajectory_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOW
         stretches = int(found.stretch[-1]) + 1
         if stretches > 1:
             lines[-1] += ", " + words("{count:stretch|stretches} with gaps between them", count=stretches)
-    frame = knot_table(solved)
-    lines += ["", *_knots(frame.head(shown), solved, words)]
+    frame = estimates.knot_table(solved)
+    unit, angle = solved.network.project.units.length, angle_unit(solved)
+    tables = []
+    for names, of, digits in ((POSE[:3], unit, DIGITS[unit]), (POSE[3:], angle, ANGLE_DIGITS[angle])):
+        columns = [*names, *(f"s{name}" for name in names)]
+        numbers = " ".join(f"{name}:.{digits}f" for name in columns)
+        rows = [cells(row, f"trajectory time:.3f {numbers}") for row in frame.head(shown).to_dicts()]
+        tables += [table(["trajectory", "time [s]", *(f"{c} [{of}]" for c in columns)], rows, words=words), ""]
+    lines += ["", *tables[:-1]]
     if frame.height > shown:
         said = "The first {shown} of {count} knots; trajectories.csv has all."
         lines.append(words(said, shown=shown, count=frame.height))
     return "\n".join([*lines, *_boresights(solved, words)])
 
 
-def _knots(frame: pl.DataFrame, solved: Solved, words: Words) -> list[str]:
-    unit, angle = solved.network.project.units.length, angle_unit(solved)
-    tables = []
-    for names, of, digits in ((POSE[:3], unit, DIGITS[unit]), (POSE[3:], angle, ANGLE_DIGITS[angle])):
-        columns = [*names, *(f"s{name}" for name in names)]
-        numbers = " ".join(f"{name}:.{digits}f" for name in columns)
-        rows = [cells(row, f"trajectory time:.3f {numbers}") for row in frame.to_dicts()]
-        tables += [table(["trajectory", "time [s]", *(f"{c} [{of}]" for c in columns)], rows, words=words), ""]
-    return tables[:-1]
-
-
 def _boresights(solved: Solved, words: Words) -> list[str]:
-    rows = boresight_rows(solved)
+    rows = estimates.boresight_rows(solved)
     if not rows:
         return []
     angle = angle_unit(solved)

@@ -18,7 +18,7 @@ from mor.project.schema import ProjectFile
 from mor.quality.precision import angle_cofactors
 from mor.quality.solution import Solved
 from mor.types import BoolArray, FloatArray, IntArray
-from mor.units import ANGLE_UNITS, Component
+from mor.units import ANGLE_UNITS, Component, Quantity
 
 # ---- Out through the edge: project axes and units for points, attitudes and observations.
 
@@ -40,6 +40,17 @@ def angle_unit_of(project: ProjectFile) -> str:
     """The same of a project."""
     unit = project.units.angle
     return "deg" if unit == "dms" else unit
+
+
+def unit_of(solved: Solved, quantity: Quantity) -> str:
+    """Unit of a quantity of plain blocks in reports; image units are those of the first camera."""
+    image = next((scale.unit for scale in solved.network.scales.values()), "mm")
+    return quantity.unit(solved.network.project.units.length, angle_unit(solved), image)
+
+
+def picked(record: object, *names: str) -> dict[str, Any]:
+    """Attributes of a record by their names."""
+    return {name: getattr(record, name) for name in names}
 
 
 def plain(solved: Solved, kind: str, numbers: IntArray) -> Estimate:

@@ -30,7 +30,7 @@ from mor.quality.solution import LARGEST_SIGMA, Determination, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import cells, heading, in_words, short, table
 from mor.report.observations import place
-from mor.report.units import ends_of_group, once, reported_component, said_differences, said_one, said_sizes
+from mor.report.units import ends_of_group, once, picked, reported_component, said_differences, said_one, said_sizes
 
 # ---- External reliability as vectors: where an error that stays unseen moves each point.
 #
@@ -153,9 +153,7 @@ def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
 
 def _determined(found: Determination) -> dict[str, Any]:
     return {
-        "as_a_whole": found.as_a_whole,
-        "everywhere": found.everywhere,
-        "size": found.size,
+        **picked(found, "as_a_whole", "everywhere", "size"),
         "limit": LARGEST_SIGMA,
         "points": found.points,
         "largest_sigma": found.largest,
@@ -259,24 +257,18 @@ def _observations(solved: Solved, quality: Quality, entries: list[ObservationCom
     nabla = detectable(quality, np.array(entries, dtype=np.int64).reshape(-1, 3)).tolist()
     rows = []
     for k, entry in enumerate(entries):
+        group = quality.adjustment.problem.groups[entry.group]
+        r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
         rows.append(
             {
-                **_weakest(quality, entry, nabla[k]),
+                **place(group, entry.row, entry.component),
+                "r": r,
+                "nabla": said_one(said_sizes, group, entry.component, nabla[k]) if np.isfinite(nabla[k]) else None,
                 "carries": [names[block] for block in carried[k]] if k < len(told) else None,
                 "cure": _cure(solved, cures[k]) if k < CURED else None,
             }
         )
     return rows
-
-
-def _weakest(quality: Quality, entry: ObservationComponent, nabla: float) -> dict[str, Any]:
-    group = quality.adjustment.problem.groups[entry.group]
-    r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
-    return {
-        **place(group, entry.row, entry.component),
-        "r": r,
-        "nabla": said_one(said_sizes, group, entry.component, nabla) if np.isfinite(nabla) else None,
-    }
 
 
 def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
@@ -335,7 +327,7 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
     return section_of(verdict_rows(solved), words, shown)
 
 
-def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) -> str:
+def section_of(data: dict[str, Any] | None, words: Words, shown: int) -> str:
     """The same of a verdict as :func:`mor.report.verdict.verdict_rows` has it."""
     if data is None or not (data["tests"] or said_conventions(data, words)):
         return ""

@@ -15,14 +15,11 @@ from typing import Any, NamedTuple
 
 from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
-from mor import __version__
 from mor.errors import escaped
-from mor.report.identity import EPOCH
+from mor.report.identity import EPOCH, schema_of
 from mor.report.language import Words
 from mor.report.layout import aligned, cells, short, table
 
-SCHEMA = "mor-verification"
-SCHEMA_VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "polars", "pydantic", "numba", "pyproj")
 
 
@@ -75,10 +72,13 @@ def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
     ]
     given = os.environ.get(EPOCH)
     now = datetime.fromtimestamp(float(given), UTC) if given else datetime.now(UTC)
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return {
-        "schema": SCHEMA,
-        "schema_version": SCHEMA_VERSION,
-        "program": f"mor {__version__}",
+        **schema_of("mor-verification", 1),
         "date": now.isoformat(timespec="seconds"),
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "libraries": {name: found for name in _LIBRARIES if (found := _version(name))},
@@ -90,7 +90,7 @@ def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
             }
         ),
         "system": platform.platform(),
-        "processor": _processor(),
+        "processor": names[0] if names else platform.processor() or platform.machine(),
         "processors": os.cpu_count(),
         "count": len(rows),
         "compared": sum(row["numbers"] for row in rows),
@@ -108,15 +108,6 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return ""
-
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 # ---- Text and page.

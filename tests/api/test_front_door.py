@@ -176,6 +176,14 @@ def test_another_datum_is_that_of_a_direct_adjustment() -> None:
     np.testing.assert_allclose(carried.observations["r"], result.observations["r"], rtol=0.0, atol=1e-6)
 
 
+def test_a_datum_that_leaves_heights_open_says_which_movement() -> None:
+    network = levelling() | {"datum": "free"}
+    for points in network["points"]:
+        points["fixed"] = ["x", "y"]
+    with pytest.raises(mor.InputError, match=r"(?s)no solution: .*movement of the whole network open: translation Z"):
+        mor.adjust(network).in_datum("fixed")
+
+
 def test_written_without_files_it_is_read_again(tmp_path: Path) -> None:
     result = mor.adjust(levelling())
     result.write(tmp_path / "results", html=False)

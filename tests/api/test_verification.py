@@ -13,11 +13,11 @@ import mor
 from mor.api import verification
 from mor.api.verification import About, VerificationTask, carried_out, reference_data, tasks
 from mor.cli import run
-from mor.report.language import words_of_planning
+from mor.report.language import words_of
 from mor.report.verification import ReferenceCheck
 
 REGRESSIONS = json.loads((reference_data() / "nist" / "regression.json").read_text(encoding="utf-8"))
-GERMAN = words_of_planning("de").catalogue
+GERMAN = words_of("de", "planning").catalogue
 
 
 def _exact(data):

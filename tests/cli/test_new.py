@@ -17,11 +17,16 @@ import pytest
 from mor.api.pipeline import read_document
 from mor.cli import run
 from mor.errors import InputError
-from mor.project.recognition import recognise
+from mor.project.recognition import Found, levelled, read_tables
 from mor.project.tables import _text, read_spreadsheet
 from tests.scenarios.small_projects import mor
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
+
+
+def recognise(path: Path) -> list[Found]:
+    """Tables of a file, with height differences for levelling books."""
+    return levelled(read_tables(path))
 
 
 def test_begun_from_image_points_and_control_alone(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mor.report.language import words_of_page
+from mor.report.language import words_of
 from mor.report.paper import Writer, _shared, report_on_paper
 from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import LEVELLING, mor, write
@@ -68,7 +68,7 @@ def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch:
     source = next((SAMPLES / sample).glob("*.yaml"))
     assert mor("adjust", source, "-o", folder, "--no-html").code == 0
     said: list[str] = []
-    words = words_of_page("en")
+    words = words_of("en", "page")
     for name in ("heading", "text", "note"):
         original = getattr(Writer, name)
 

@@ -17,7 +17,7 @@ from mor.plan.requirements import requirements
 from mor.project.network import Correlation
 from mor.report.design import design_page
 from mor.report.identity import RunIdentity
-from mor.report.language import words_of_planning
+from mor.report.language import words_of
 from mor.report.page import asset
 from tests.scenarios.planned_networks import BRIDGE, grid, sample
 from tests.scenarios.small_projects import mor
@@ -59,7 +59,7 @@ def switched(page: str, switches: list[tuple[int, bool]]):
 def page_of(network, language="en"):
     solved = solve_plan(network)
     found = judgements(solved, requirements(network))
-    return design_page(solved, found, (), [], words_of_planning(language), RunIdentity())
+    return design_page(solved, found, (), [], words_of(language, "planning"), RunIdentity())
 
 
 def adjusted_anew(network, units, on):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mor.report.language import words_of_page
+from mor.report.language import words_of
 from mor.report.page import browser, page
 from mor.report.view import View
 from tests.page_geometry import problems
@@ -25,7 +25,7 @@ PAPER = 703
 @pytest.mark.parametrize(("width", "theme"), [(400, "dark"), (800, "light"), (PAPER, "printed")])
 def test_page(building_view: View, tmp_path: Path, width: int, theme: str) -> None:
     """The sample with everything in it, in German, whose words are longer."""
-    found = problems(page(building_view, words_of_page("de")), width, tmp_path, theme)
+    found = problems(page(building_view, words_of("de", "page")), width, tmp_path, theme)
     assert found["ready"] == "all"
     assert found["found"] == []
     assert isinstance(found["names"], int)

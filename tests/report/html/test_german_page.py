@@ -12,7 +12,7 @@ import pytest
 
 import mor.report
 from mor.model.cameras import CAMERA_MODELS
-from mor.report.language import words_of_page
+from mor.report.language import words_of
 from mor.report.page import MEANINGS, OF_PANORAMA, headline, meaning, page, statements
 from mor.report.page_data import page_data
 from mor.report.view import View
@@ -23,7 +23,7 @@ SAID = re.compile(r"""\bsay\(\s*"((?:[^"\\]|\\.)*)\"""")
 """What templates and scripts say."""
 SILENT = re.compile(r"<(script|style)[ >].*?</\1>|<[^>]*>", re.DOTALL)
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e−\d+)?")
-GERMAN = words_of_page("de")
+GERMAN = words_of("de", "page")
 
 
 def said_in_python(path: Path) -> set[str]:

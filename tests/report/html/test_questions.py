@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from mor.report.language import ENGLISH, words_of_page
+from mor.report.language import ENGLISH, words_of
 from mor.report.page import next_steps, page
 from mor.report.page_data import page_data
 from mor.report.view import View
@@ -63,7 +63,7 @@ def test_sections_of_the_head_are_there(facade_view: View) -> None:
 
 def test_what_to_do_next_names_the_sigmas_of_a_rejected_test_and_each_row_once(building_view: View) -> None:
     assert not any("Check the σ" in step for step in next_steps(page_data(building_view, ENGLISH)))
-    german = next_steps(page_data(rejected(building_view), words_of_page("de")))
+    german = next_steps(page_data(rejected(building_view), words_of("de", "page")))
     assert german[0].startswith("Die σ der Beobachtungen prüfen: Die Verbesserungen sind 0.96-mal")
     assert "parameter von Punkt N1" in german[1]
     loose = {**building_view.reliability, "observations": 2 * building_view.reliability["observations"][:1]}

@@ -11,7 +11,7 @@ import pytest
 
 from mor import report, start
 from mor.api.pipeline import make_problem, read_document, read_network, solve_network
-from mor.report.language import words_of_start_values
+from mor.report.language import words_of
 from mor.report.start_values import StartValue, start_values
 from mor.start.assembly import approximate
 from tests.scenarios.mixtures.ingredients import mixture
@@ -145,7 +145,7 @@ def _texts(path: Path, *names: str) -> set[str]:
 
 
 def test_every_rule_and_sentence_is_there_in_german() -> None:
-    german = words_of_start_values("de").catalogue
+    german = words_of("de", "start values").catalogue
     rules = set().union(*(_texts(path, "rule") for path in ROOT.rglob("*.py")))
     files = [REPORT / "start_values.py"]
     said = set().union(*(_texts(path, "words", "listed", "rule") for path in files))

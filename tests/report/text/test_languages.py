@@ -19,7 +19,7 @@ from mor.quality import determinability as connected_components
 from mor.quality import singularity as singularities
 from mor.report import design as design_text
 from mor.report import simulation as monte_carlo
-from mor.report.language import ENGLISH, datum_name, words_of, words_of_page, words_of_planning
+from mor.report.language import ENGLISH, datum_name, words_of
 from mor.report.layout import table
 from mor.solve.datum import MOVEMENTS
 
@@ -65,13 +65,13 @@ PLANNING = [
 
 @pytest.mark.parametrize("path", PLANNING, ids=lambda path: f"{path.parent.name}-{path.stem}")
 def test_every_sentence_of_plans_simulations_and_batches_is_there_in_german(path: Path) -> None:
-    german = words_of_planning("de").catalogue
+    german = words_of("de", "planning").catalogue
     assert sorted((sentences(path) | headers(path)) - set(german)) == []
 
 
 def test_what_plans_simulations_and_batches_call_things_is_there_in_german() -> None:
     named = {*design_text.WHAT.values(), *monte_carlo._NAMES.values(), *batch._STATUS.values(), AS_IT_IS}
-    assert sorted(named - set(words_of_planning("de").catalogue)) == []
+    assert sorted(named - set(words_of("de", "planning").catalogue)) == []
 
 
 @pytest.mark.parametrize("path", SECTIONS, ids=lambda path: path.stem)
@@ -113,7 +113,7 @@ def test_the_sections_were_really_looked_at() -> None:
     assert len(set().union(*map(sentences, SECTIONS))) > 40
 
 
-@pytest.mark.parametrize("catalogue", [words_of("de").catalogue, words_of_page("de").catalogue])
+@pytest.mark.parametrize("catalogue", [words_of("de").catalogue, words_of("de", "page").catalogue])
 def test_sentences_keep_their_places(catalogue: dict[str, str]) -> None:
     """Both languages have the same {places}."""
     for english, german in catalogue.items():
