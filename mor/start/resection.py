@@ -10,10 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.linalg import compilation
 from mor.model import rotations
 from mor.model.rotations import angles_from_rotation, cross_matrix, rotate
-from mor.start import intersection
 from mor.start.bundle import Bundle, misfits, reproject, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
@@ -60,33 +58,6 @@ def adjust_pose(
 
     A position ``observed`` beforehand counts with its σ.
     """
-    if not compilation.wanted():
-        return adjust_pose_plainly(bundle, points, pose, iterations, observed)
-    place, weight = (np.zeros(3), np.zeros(3)) if observed is None else (observed.place, 1.0 / observed.sigma)
-    position, rotation = intersection.adjust_pose(
-        _contiguous(bundle.rays),
-        _contiguous(bundle.normals),
-        _contiguous(bundle.axes),
-        _contiguous(bundle.sigma),
-        _contiguous(points),
-        _contiguous(pose.position),
-        _contiguous(pose.rotation),
-        _contiguous(place),
-        _contiguous(weight),
-        iterations,
-    )
-    return Pose(position, rotation)
-
-
-def _contiguous(array: FloatArray) -> FloatArray:
-    """The kernel is compiled for one layout of its arguments, not for each that may occur."""
-    return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def adjust_pose_plainly(
-    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: KnownPosition | None = None
-) -> Pose:
-    """The same without a compiler: the readable form."""
     damping = 0.0
     residuals, design = _design(bundle, points, pose, observed)
     for _ in range(iterations):
