@@ -35,7 +35,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # in X_m, V, s cos κ and s sin κ; D and V are improved from there, with attitudes near the level. The
 # adjustment bends the flight to what it was.
 
-_LEAST_SIGHTS = 3
 _LEAST_SINGULAR = 1e-6
 """Part of the largest singular value, columns of one size, at which equations leave something open."""
 _SWAY, _TILT, _CLIMB = 0.01, 0.05, 0.05
@@ -102,7 +101,7 @@ def level_flight(sights: TimedRays) -> Flight | None:
 def _in_plan(sights: TimedRays) -> Flight | None:
     """A level flight; the height above each point is that above all of them, and what it lies higher or lower."""
     down = -sights.ray[:, 2]
-    if len(down) < _LEAST_SIGHTS or not (down > 0.0).all():
+    if len(down) < 3 or not (down > 0.0).all():
         return None
     middle, centre = float(sights.time.mean()), sights.point.mean(axis=0)
     one, since = np.ones(len(down)), sights.time - middle
@@ -181,8 +180,6 @@ def _rms(wrong: FloatArray) -> float:
 # nearest to each other. They need not meet within their σ: the knots start where a GNSS/INS says, some pixels
 # beside the truth.
 
-_LEAST_ANGLE = 1e-3
-"""Radians between two rays of a point, from which on it starts at their intersection."""
 
 _FROM_NOWHERE = "seen from trajectories without start values at that time"
 
@@ -404,7 +401,8 @@ def _intersect(seen: list[_SeenAlong], start: dict[str, FloatArray]) -> None:
 
 def _met(centres: FloatArray, rays: FloatArray) -> FloatArray | None:
     """Return the nearest point of rays (n, 3); ``None`` if they are parallel or meet behind a camera."""
-    if len(rays) < 2 or np.linalg.norm(np.cross(rays[0], rays), axis=1).max() < _LEAST_ANGLE:
+    # Radians between two rays of a point, from which on it starts at their intersection.
+    if len(rays) < 2 or np.linalg.norm(np.cross(rays[0], rays), axis=1).max() < 1e-3:
         return None
     point = nearest_point(centres, rays)
     ahead = np.einsum("nj,nj->n", point - centres, rays) > 0.0

@@ -103,9 +103,6 @@ class Assembly:
 
 # ---- A part grows by everything it can, in turns.
 
-FIRST_FRAMES = 20
-"""Frames a part is grown by before given positions are asked whether they tie it."""
-
 
 def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
     """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
@@ -154,11 +151,6 @@ def _sets_and_poses(part: Part, scene: Scene) -> None:
 
 # ---- What a part begins with, of what no part knows yet.
 
-BEGINNINGS = 4
-"""Pairs that a part may begin with, where what it leads to does not agree."""
-DOUBTFUL = 4
-"""Searches for a doubtful pair: each grows a part from every orientation of up to eight pairs."""
-
 
 def next_seed(assembly: Assembly) -> Part | None:
     """A part of its own for something that no part knows yet."""
@@ -187,7 +179,8 @@ def _doubtful_seed(assembly: Assembly, free: BoolArray) -> Part | None:
     """A part of two frames whose orientation is in doubt, where nothing else is left."""
     scene = assembly.scene
     open_ = free & ~assembly.given_up[2]
-    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2 or assembly.doubtful == DOUBTFUL:
+    # Searches for a doubtful pair: each grows a part from every orientation of up to eight pairs.
+    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2 or assembly.doubtful == 4:
         return None
     assembly.doubtful += 1
     assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
@@ -210,7 +203,8 @@ def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part 
     bare, rows = scene.bare[0], np.flatnonzero(among)
     part, reason = seed_bundles(bare, rows, pairs, scene.points)
     asks = part is not None and assembly.network.observations <= ROWS
-    passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if asks else 0
+    # Pairs that a part may begin with, where what it leads to does not agree.
+    passed = scene.choices.take(min(len(rows), 4), alike=False) if asks else 0
     if passed:
         part, reason = seed_bundles(bare, rows, pairs, scene.points, passed)
     given_up |= open_ if part is None else False
@@ -254,9 +248,6 @@ def _free_frames(assembly: Assembly) -> BoolArray:
 
 # ---- Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
 
-CONTROL = 3
-"""Points that a part must know to grow by itself."""
-
 
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
@@ -294,7 +285,8 @@ def _known_ones_wait(assembly: Assembly) -> bool:
     known = [int(np.count_nonzero(np.isfinite(part.points).all(axis=1))) for part in others]
     if not given.poses:
         known.append(int(np.count_nonzero(np.isfinite(given.points).any(axis=1))))
-    asks = max(known, default=0) >= CONTROL and assembly.network.observations <= ROWS
+    # Points that a part must know to grow by itself.
+    asks = max(known, default=0) >= 3 and assembly.network.observations <= ROWS
     return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
@@ -308,7 +300,8 @@ def _assemble(assembly: Assembly) -> None:
             assembly.begun += 1
             part.number = assembly.begun
             system = parts[0]
-            most = FIRST_FRAMES
+            # Frames a part is grown by before given positions are asked whether they tie it.
+            most = 20
             while not grow(part, scene, assembly.fewest, most) and not tied_by_positions(system, part, scene.frames):
                 most *= 2
             parts.append(part)
@@ -402,14 +395,10 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
 # is taken where it is the lowest and was reached twice.
 
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
-LARGEST = 1_000
-"""Observations of a network up to which it is tried."""
 TRIES = 20
 """Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
 _DRAWN = frozenset(("point", "rotation", "scale"))
 """Kinds of blocks that have random start values."""
-_AIMED = 0.3
-"""Length of the mean of all unit rays from which on a frame looks one way."""
 _ANYWHERE = 0.05
 """Weight of a random place against that of a ray."""
 
@@ -425,8 +414,9 @@ def from_random_places(network: Network, scene: Scene, found: Approximation, set
     The same network has the same tries.
     """
     kinds = {kind for kind, values in found.start.items() if not np.isfinite(values).all()}
+    # Observations of a network up to which it is tried.
     if (
-        network.observations > LARGEST
+        network.observations > 1_000
         or not kinds <= _DRAWN
         or any(feature.type == "line" for feature in network.project.features)
         or not _asks(network, found)
@@ -514,7 +504,8 @@ def _looking(frame: Frame, towards: FloatArray, random: np.random.Generator) -> 
     """A rotation D by which a frame looks somewhere, turned about that at random; any one, if it looks all around."""
     mean = frame.rays.mean(axis=0)
     length = float(np.linalg.norm(mean))
-    if length < _AIMED:
+    # Length of the mean of all unit rays from which on a frame looks one way.
+    if length < 0.3:
         return _any_attitude(random)
     roll: FloatArray = exponential((random.uniform(-np.pi, np.pi) * towards)[None])[0]
     return (roll @ _turned(mean / length, towards)).T
@@ -709,8 +700,6 @@ _ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth
 """Types of observations that determine how the network is turned."""
 _TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
 """Types of observations that stay the same in any turn of the network; an image type is ``image/…``."""
-SMALL = 5_000
-"""Observations up to which start values are adjusted before they are judged."""
 
 
 def approximate(network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED) -> Approximation:
@@ -786,7 +775,8 @@ def _adjusted(
     assembly: Assembly, found: Approximation, judgement: Judgement, moving: Network, settle: SettleNetwork | None
 ) -> Judgement:
     """The judgement after an adjustment, where one can be made and may tell more."""
-    small, sound = assembly.network.observations <= SMALL, judgement.worst <= SOUND
+    # Observations up to which start values are adjusted before they are judged.
+    small, sound = assembly.network.observations <= 5_000, judgement.worst <= SOUND
     if settle is None or not small or found.missing or (sound and not assembly.scene.choices.open):
         return judgement
     judgement = judgement._replace(before=judgement.fit)

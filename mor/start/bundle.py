@@ -227,10 +227,6 @@ def _hashable(value: object) -> Hashable:
 _CHUNK = 5000
 _FAR = 2.0**20
 """Distance of the points on rays; a power of 2 changes no digit of a central projection."""
-_REACHED, _MISSED = 1e-12, 1e-6
-"""Parts of the camera constant: no further step is made, and the ray is not reached."""
-_STANDS = 1e-9
-"""Radians of a step after which no other one is needed, or none leads farther."""
 
 
 def ideal_rays(
@@ -264,15 +260,17 @@ def _chunk_of_rays(model: CameraModel, interior: FloatArray, constants: FloatArr
             projection = model.project(_FAR * ray, interior, constants, measured)
             wrong = measured - projection.xy
             away = np.abs(wrong).max(axis=1) / interior[:, 0]
-            if not left or np.nanmax(away, initial=0.0) < _REACHED:
+            # Parts of the camera constant: no further step is made, and the ray is not reached.
+            if not left or np.nanmax(away, initial=0.0) < 1e-12:
                 break
             across = tangent_axes(ray)
             step = _solved(_FAR * projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
             ray = unit(ray + np.einsum("nij,nj->ni", across, step))
-            if np.nanmax(np.abs(step), initial=0.0) < _STANDS:
+            # Radians of a step after which no other one is needed, or none leads farther.
+            if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
                 break
-    missed: BoolArray = np.asarray(~(away < _MISSED))
+    missed: BoolArray = np.asarray(~(away < 1e-6))
     return np.where(missed[:, None], start, ray)
 
 
@@ -293,11 +291,6 @@ def _solved(jacobian: FloatArray, wrong: FloatArray, least: FloatArray) -> Float
 # target = λ R source + t. The rotation is the orthogonal factor of the weighted cross-covariance (P. H.
 # Schönemann 1966; B. K. P. Horn 1987; S. Umeyama 1991 for the sign of the determinant), the scale follows
 # from the spreads. A local system X̄ = λ D (X − X0) is the same with D = R, X0 = ``origin``.
-
-LINE = 1e-9
-"""Extension across, relative to that along, below which points lie in a line, or at one place."""
-BETTER = 10.0
-"""So many times smaller must the residuals of the reflection be for the sets to count as mirrored."""
 
 
 class SimilarityOutcome(Enum):
@@ -380,7 +373,8 @@ def _similarity_solved(
     reflected = float(np.sum(values))
     mirrored_scale = reflected / spread_source if scaled else 1.0
     mirrored = spread_target + mirrored_scale**2 * spread_source - 2.0 * mirrored_scale * reflected
-    is_mirrored = proper[-1] < 0.0 and objective > BETTER**2 * max(mirrored, 1e-20 * spread_target)
+    # So many times smaller must the residuals of the reflection be for the sets to count as mirrored.
+    is_mirrored = proper[-1] < 0.0 and objective > 10.0**2 * max(mirrored, 1e-20 * spread_target)
     redundancy = source.size - dimension - dimension * (dimension - 1) // 2 - int(scaled)
     return Similarity(
         SimilarityOutcome.MIRRORED if is_mirrored else SimilarityOutcome.DETERMINED,
@@ -404,7 +398,8 @@ def _refusal(source: FloatArray, target: FloatArray, weight: FloatArray) -> Simi
         size = float(np.max(np.abs(points)))
         if values[0] <= 1e-14 * size:
             return SimilarityOutcome.COINCIDENT
-        if points.shape[1] == 3 and values[1] <= LINE * values[0]:
+        # Extension across, relative to that along, below which points lie in a line, or at one place.
+        if points.shape[1] == 3 and values[1] <= 1e-9 * values[0]:
             return SimilarityOutcome.COLLINEAR
     return None
 

@@ -22,9 +22,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # A wrong identity among four arcs or a dozen directions draws what follows from all of them away, and with it
 # whatever hangs on that later.
 
-CANDIDATES = 6
-"""Measurements of which each is left out on trial: those that fit worst."""
-
 
 class FitQuality(NamedTuple):
     """Agreement of some measurements."""
@@ -46,7 +43,8 @@ def agreeing(count: int, fit: Callable[[IntArray], FitQuality], limit: float, le
     while not found.sigma0 <= limit:
         if len(rows) <= max(least, count - most):
             return np.arange(count)
-        worst = np.argsort(-found.sizes, kind="stable")[:CANDIDATES]
+        # Measurements of which each is left out on trial: those that fit worst.
+        worst = np.argsort(-found.sizes, kind="stable")[:6]
         tried = [np.delete(rows, k) for k in (worst if len(worst) else range(len(rows)))]
         fits = [fit(one) for one in tried]
         best = int(np.argmin([one.sigma0 for one in fits]))
@@ -225,8 +223,6 @@ SEED_PAIRS = 30
 """Combinations of points that seeds are taken from."""
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another station may be worse and still fit as well (5 σ)."""
-CIRCLE = 30.0
-"""σ of a direction, relative to the singular value, beyond which the station is on the dangerous circle."""
 
 
 class StationOutcome(Enum):
@@ -315,7 +311,8 @@ def _looking_back(x: FloatArray, y: FloatArray, directions: FloatArray, c: float
 
 def _on_circle(points: FloatArray, directions: FloatArray, sigma: float) -> bool:
     values = resect_directions(points, directions)[2]
-    return bool(values[2] < CIRCLE * sigma + 1e-9)
+    # σ of a direction, relative to the singular value, beyond which the station is on the dangerous circle.
+    return bool(values[2] < 30.0 * sigma + 1e-9)
 
 
 def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tuple[FloatArray, float]]:
@@ -435,10 +432,6 @@ def _no_station(outcome: StationOutcome, count: int) -> FreeStation:
 
 STEPS = 60
 """Orientations over the half circle of either bundle that the search begins with."""
-KEPT = 12
-"""Minima of the search that are refined."""
-SAME = 1e-3
-"""Radians between orientations that are the same."""
 
 
 class PlanShape(NamedTuple):
@@ -463,12 +456,14 @@ def three_bundles(directions: FloatArray) -> list[PlanShape]:
     least = values[..., 0]
     beside = [np.roll(least, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
     minima = np.argwhere(least <= np.min(beside, axis=0))
-    best = minima[np.argsort(least[tuple(minima.T)])][:KEPT]
+    # Minima of the search that are refined.
+    best = minima[np.argsort(least[tuple(minima.T)])][:12]
     shapes: list[PlanShape] = []
     for i, j in best:
         shape = _refined(r, np.array([0.0, b[i, j], c[i, j]]), vectors[i, j, :, 0])
+        # Radians between orientations that are the same.
         if shape is not None and not any(
-            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < SAME) for other in shapes
+            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < 1e-3) for other in shapes
         ):
             shapes.append(shape)
     return sorted(shapes, key=lambda shape: shape.misfit)
@@ -528,16 +523,8 @@ def _intersected(stations: FloatArray, t: FloatArray) -> FloatArray:
 # Psychometrika 17 (1952)), tell whether the distances leave more than one shape; mirrored ones count as one.
 
 BEGINNINGS = 16
-AGREEING = 4
-"""Shapes within the precision of the distances after which no other is looked for."""
 PRECISE = 1.5
 """Root mean square of the residuals in units of σ up to which a shape is as good as the distances."""
-FITS = 0.01
-"""Root mean square of the residuals, in parts of the mean distance, up to which a shape fits."""
-SAME_DISTANCE = 0.05
-"""Root mean square difference of the distances between all points of two shapes, in the same measure."""
-FLEXIBLE = 1e-4
-"""Smallest singular value, in parts of the largest, of a shape that is stiff."""
 _EXTRA = 2
 
 
@@ -583,9 +570,11 @@ def _shapes(lengths: PointDistances, dimension: int) -> list[tuple[float, FloatA
         random = draw.standard_normal((lengths.count, dimension + _EXTRA))
         found = _pressed(lengths, random if number else _scaling(lengths, dimension + _EXTRA), dimension)
         off = _residuals(lengths, found)
-        if np.sqrt(np.mean(off**2)) < FITS:
+        # Root mean square of the residuals, in parts of the mean distance, up to which a shape fits.
+        if np.sqrt(np.mean(off**2)) < 0.01:
             shapes.append((float(np.sqrt(np.mean((off / np.maximum(lengths.sigma, 1e-9)) ** 2))), found))
-        if sum(misfit < PRECISE for misfit, _ in shapes) == AGREEING or (number == BEGINNINGS // 3 and not shapes):
+        # Shapes within the precision of the distances after which no other is looked for.
+        if sum(misfit < PRECISE for misfit, _ in shapes) == 4 or (number == BEGINNINGS // 3 and not shapes):
             break
     return shapes
 
@@ -652,13 +641,15 @@ def _derivatives(lengths: PointDistances, towards: FloatArray) -> FloatArray:
 def _different(one: FloatArray, other: FloatArray) -> bool:
     """True where the distances between all points differ: neither movements nor mirrors change them."""
     apart = [np.linalg.norm(shape[:, None] - shape[None], axis=2) for shape in (one, other)]
-    return bool(np.sqrt(np.mean((apart[0] - apart[1]) ** 2)) > SAME_DISTANCE)
+    # Root mean square difference of the distances between all points of two shapes, in the same measure.
+    return bool(np.sqrt(np.mean((apart[0] - apart[1]) ** 2)) > 0.05)
 
 
 def _stiff(lengths: PointDistances, points: FloatArray, unknowns: int) -> bool:
     A = _derivatives(lengths, points[lengths.end] - points[lengths.start])
     values = rotations.singular_values(A)
-    return bool(values[unknowns - 1] > FLEXIBLE * values[0])
+    # Smallest singular value, in parts of the largest, of a shape that is stiff.
+    return bool(values[unknowns - 1] > 1e-4 * values[0])
 
 
 def core_of(lengths: PointDistances, links: int, most: int) -> IntArray:

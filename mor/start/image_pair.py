@@ -45,16 +45,10 @@ BY_ITSELF = 2.9e-7
 """Probability that a right orientation fits worse than is allowed by itself (5 σ)."""
 APART = 4.0
 """Standard deviations beyond which two orientations are different ones."""
-MINIMA_APART = 1.0
-"""The same where the adjustment came to rest in both: two minima are two, and the covariance of one knows of one."""
-WRONG = 6.0
-"""σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
 """Part of the points that must lie in front of both bundles; the rest may be wrong pairs or far points."""
 SURE = 5.0
 """Standard deviations of its parallactic angle beyond which a point behind is behind, whatever the errors."""
-ACCIDENT = 12
-"""Fewer points than that lie, to their precision, on one quadric with both centres now and then by accident."""
 
 
 class PairAssessment(NamedTuple):
@@ -131,7 +125,8 @@ def result(a: Bundle, b: Bundle, judged: PairAssessment) -> RelativeOrientation:
 def _geometry(found: SceneGeometry, outcome: RelativeOutcome, points: int) -> SceneGeometry:
     """A critical surface is one where it does harm, or where the points are too many for an accident."""
     harm = outcome in (RelativeOutcome.WEAK, RelativeOutcome.AMBIGUOUS)
-    if found is SceneGeometry.CRITICAL_SURFACE and not harm and points < ACCIDENT:
+    # Fewer points than that lie, to their precision, on one quadric with both centres now and then by accident.
+    if found is SceneGeometry.CRITICAL_SURFACE and not harm and points < 12:
         return SceneGeometry.GENERAL
     return found
 
@@ -163,12 +158,13 @@ def _choice(a: Bundle, b: Bundle, judged: PairAssessment) -> tuple[Coplanarity, 
     chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], in_all[k]))]
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     sigma = float(np.sqrt(np.max(rotations.eigvalsh(orientation_covariance(chosen)))))
+    # Standard deviations: where the adjustment came to rest in both, two minima are two, whatever one covariance says.
     rivals = [
         one
         for one, hidden in zip(fitting, behind, strict=True)
         if hidden <= min(behind)
         and one.objective <= as_good
-        and _distance(one, chosen) > ((MINIMA_APART if one.converged and chosen.converged else APART) * sigma + 1e-6)
+        and _distance(one, chosen) > ((1.0 if one.converged and chosen.converged else APART) * sigma + 1e-6)
     ]
     return chosen, _one_each(rivals, APART * sigma)
 
@@ -269,7 +265,8 @@ def _parallaxes(a: Bundle, b: Bundle, one: Coplanarity) -> tuple[BoolArray, Floa
 def _outcome(
     a: Bundle, b: Bundle, chosen: Coplanarity, rivals: list[Coplanarity], covariance: FloatArray
 ) -> RelativeOutcome:
-    if np.sqrt(_variance(chosen, len(a))) > WRONG:
+    # σ0 beyond which rays and orientation do not belong together.
+    if np.sqrt(_variance(chosen, len(a))) > 6.0:
         return RelativeOutcome.DOES_NOT_FIT
     if np.sum(_parallaxes_behind(a, b, chosen) <= SURE) < BEHIND * len(a):
         mirrored = max(
@@ -289,17 +286,6 @@ def _outcome(
 # the points lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
 
 MINIMUM = 8
-FEW = 15
-"""Up to so many points the five-point seeds are tried as well, whatever the linear system gives."""
-SAMPLES = 30
-"""Five-point samples for seeds."""
-SEEDS = 6
-"""Best five-point seeds that are adjusted."""
-FIRST_STEPS = 8
-FAR_BEHIND = 20.0
-"""A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times."""
-SMALL = 15.0
-"""Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base."""
 LOST = 2.9e-7
 """Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
 
@@ -333,9 +319,11 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
         # The plane is a strong constraint that the adjustment lets go of: what it says itself stays in the
         # race.
         adjusted += [adjust_coplanarity(a, b, *seed, iterations=1) for seed in seeds]
-    elif len(a) <= FEW or _doubtful(a, b, adjusted, geometry):
+    # Up to so many points the five-point seeds are tried as well, whatever the linear system gives.
+    elif len(a) <= 15 or _doubtful(a, b, adjusted, geometry):
         adjusted = distinct(adjusted + adjust_seeds(a, b, five_point_seeds(a, b)))
-    if turned.parallax < SMALL:
+    # Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base.
+    if turned.parallax < 15.0:
         minima = minima_over_directions(a, b, turned.rotation)
         everywhere = [best_of_four(a, b, auxiliary_unknowns(*one)) for one in minima]
         adjusted = distinct(adjusted + adjust_seeds(a, b, everywhere))
@@ -429,9 +417,11 @@ def facing(a: Bundle, b: Bundle, ik: FloatArray) -> tuple[StartOrientation, Bool
 def five_point_seeds(a: Bundle, b: Bundle) -> list[StartOrientation]:
     """Return the best orientations among those of fixed pseudo-random five-point samples."""
     generator = np.random.default_rng(len(a))
-    chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(SAMPLES)])
+    # Five-point samples for seeds.
+    chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(30)])
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
-    return [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, SEEDS)]
+    # Best five-point seeds that are adjusted.
+    return [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, 6)]
 
 
 def apart(a: Bundle, b: Bundle, unknowns: FloatArray, most: int) -> list[FloatArray]:
@@ -458,8 +448,9 @@ def adjust_seeds(a: Bundle, b: Bundle, seeds: list[StartOrientation]) -> list[Co
 
     Seeds that are far behind the best after a few steps are given up.
     """
-    begun = [adjust_coplanarity(a, b, *seed, iterations=FIRST_STEPS) for seed in seeds]
-    promising = FAR_BEHIND * (min((one.objective for one in begun), default=0.0) + len(a))
+    begun = [adjust_coplanarity(a, b, *seed, iterations=8) for seed in seeds]
+    # A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times.
+    promising = 20.0 * (min((one.objective for one in begun), default=0.0) + len(a))
     finished = [
         one if one.converged else adjust_coplanarity(a, b, one.base, one.rotation)
         for one in distinct(begun)
@@ -506,22 +497,14 @@ def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: Scene
 # input, same result.
 
 BATCH = 25
-LOOKED_AT = 12
-"""Best unknowns of a batch whose depths are looked at."""
 MOST_BATCHES = 40
-CERTAINTY = 1e-4
-"""Probability left that no sample was free of wrong pairs."""
 TRUNCATION = 5.0
 """Residual v/σ at which a pair stops counting while samples are compared."""
 AGREES = 4.0
 """Residual v/σ up to which a pair agrees with an adjusted orientation."""
 FEW_POINTS, FEW_PART = 2, 0.05
 """So many pairs, or such a part of them, off a plane do not decide between its orientations."""
-DIFFERENT = 0.01
-"""Distance of two rotations beyond which they are different ones."""
 ROUNDS = 10
-HALF = 0.5
-"""Part of the pairs that must agree for an orientation to be believed."""
 
 
 class RobustOrientation(NamedTuple):
@@ -557,7 +540,8 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
     if ik is None:
         return _nothing(everything, len(a), samples)
     found = _settled(a, b, ik)
-    if found is None or np.sum(found) < max(MINIMUM, HALF * len(a)):
+    # Part of the pairs that must agree for an orientation to be believed.
+    if found is None or np.sum(found) < max(MINIMUM, 0.5 * len(a)):
         return _nothing(everything, len(a), samples)
     orientation = relative_orientation(a.take(found), b.take(found))
     for _ in range(ROUNDS):
@@ -591,7 +575,8 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
     if of_plane.outcome is not RelativeOutcome.AMBIGUOUS:
         return orientation
     every = [candidate(a, b, of_plane.base, of_plane.rotation), *of_plane.alternatives]
-    others = tuple(one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > DIFFERENT)
+    # Distance of two rotations beyond which they are different ones.
+    others = tuple(one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > 0.01)
     return orientation._replace(outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others)
 
 
@@ -626,7 +611,8 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
         if len(unknowns):
             residuals = first_order_residuals(a, b, unknowns)
             costs = np.sum(np.minimum(residuals, TRUNCATION) ** 2, axis=1)
-            for index in np.argsort(costs)[:LOOKED_AT]:
+            # Best unknowns of a batch whose depths are looked at.
+            for index in np.argsort(costs)[:12]:
                 if costs[index] >= best_cost:
                     break
                 counted = _counted(a, b, unknowns[index], residuals[index])
@@ -660,7 +646,8 @@ def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> Flo
 
 def _samples_needed(agreeing: float) -> float:
     clean = min(max(agreeing, 1e-3), 1.0 - 1e-6) ** 5
-    return float(np.log(CERTAINTY) / np.log(1.0 - clean))
+    # Probability left that no sample was free of wrong pairs.
+    return float(np.log(1e-4) / np.log(1.0 - clean))
 
 
 def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
@@ -688,12 +675,6 @@ def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
 # ``relative_orientation`` cannot tell apart.
 
 FEWEST = 5
-SAMPLES_OF_FIT = 21
-"""Samples of five: all of seven points."""
-MOST = 12
-"""Solutions of samples that are adjusted, the best that differ."""
-BY_ITSELF_OF_FIT = 1e-4
-"""Probability that a right orientation fits worse."""
 
 
 def fitting_orientations(a: Bundle, b: Bundle) -> list[StartOrientation]:
@@ -709,9 +690,12 @@ def fitting_orientations(a: Bundle, b: Bundle) -> list[StartOrientation]:
             return []
         candidates = [StartOrientation(found.base, found.rotation)]
         return candidates + [StartOrientation(one.base, one.rotation) for one in found.alternatives]
-    chosen = np.array(list(combinations(range(len(a)), FEWEST))[:SAMPLES_OF_FIT])
+    # Samples of five: all of seven points.
+    chosen = np.array(list(combinations(range(len(a)), FEWEST))[:21])
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
-    adjusted = adjust_seeds(a, b, [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, MOST)])
-    limit = float(chdtri(max(len(a) - FEWEST, 0.1), BY_ITSELF_OF_FIT))
+    # Solutions of samples that are adjusted, the best that differ.
+    adjusted = adjust_seeds(a, b, [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, 12)])
+    # Probability that a right orientation fits worse.
+    limit = float(chdtri(max(len(a) - FEWEST, 0.1), 1e-4))
     fitting = [StartOrientation(one.base, one.rotation) for one in adjusted if one.objective <= limit]
     return [seed for seed in fitting if bool(np.all(in_front(a, b, *seed)))]

@@ -20,8 +20,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 PARALLEL = 3.0
 """Rays are parallel if the distance along them is not known to a part of one in so many."""
-WRONG = 5.0
-"""σ0 beyond which the rays do not meet."""
 
 
 class IntersectionOutcome(Enum):
@@ -117,7 +115,8 @@ def _judged(
     if not np.all(np.isfinite(point)) or values[0] * distance**2 < PARALLEL**2:
         return _failed(IntersectionOutcome.PARALLEL, len(bundle), angle)
     outcome = IntersectionOutcome.DETERMINED
-    if sigma0 > WRONG:
+    # σ0 beyond which the rays do not meet.
+    if sigma0 > 5.0:
         outcome = IntersectionOutcome.DOES_NOT_MEET
     elif not np.all(front):
         outcome = IntersectionOutcome.BEHIND
@@ -406,9 +405,7 @@ def meet_plainly(
     centre, direction = posed.centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], posed.turns[frame])
     centre[:, 2] -= seen.height[rays]
     lines = _Lines(point, centre, direction, 3.0 * loosened(seen.sigma[rays], slack))
-    X, good, use = _forward_intersection_in_rounds(
-        lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds
-    )
+    X, good, use = _forward_intersection_in_rounds(lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds)
     doubtful = 2 * np.bincount(point[use], minlength=len(points)) < np.bincount(point, minlength=len(points))
     for number in np.flatnonzero(doubtful).tolist() if rounds > 1 else ():
         rows = np.flatnonzero(point == number)

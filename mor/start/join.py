@@ -39,8 +39,6 @@ from mor.units import ANGLE_UNITS
 
 FEWEST = 3
 """Followers whose leaders are known."""
-LONGEST = 3.0
-"""Base, in parts of the extent of the leaders, beyond which it is none of a platform."""
 
 
 def tie_by_platform(target: Part, source: Part, scene: Scene) -> Movement | None:
@@ -100,7 +98,8 @@ def _with_turn(
     unknowns = rotations.lstsq(A, right, rcond=1e-6)
     factor = spread / size if scaled else float(unknowns[0])
     shift, b = unknowns[int(not scaled) :][:3], arm if known else unknowns[-3:]
-    if factor <= 0.0 or np.linalg.norm(b) > LONGEST:
+    # Base, in parts of the extent of the leaders, beyond which it is none of a platform.
+    if factor <= 0.0 or np.linalg.norm(b) > 3.0:
         return None
     off = np.concatenate([(A @ unknowns - right), (T @ D_l @ R - D_f).ravel()])
     values = rotations.singular_values(A[:, : 4 - int(scaled)])
@@ -113,18 +112,8 @@ def _with_turn(
 
 # ---- Join two parts where what ties them determines the movement between them.
 
-FEWEST_POSITIONS = 8
-"""Given positions from which a part that is still growing may be tied to them."""
-TURN = 0.01
-"""σ of the turn (radians) up to which given positions tie a part while it is still growing."""
-FITS = 0.03
-"""Misfit, in parts of the size of what is common, beyond which two parts do not belong together."""
 ALIKE = 3.0
 """Factor of the misfits from which on a shape is told from its mirrored one."""
-ALL_OPEN = 7
-"""Movements between two parts that nothing ties."""
-MOST_TRIED = 6
-"""Movements that fit alike of which another one may be taken where what the first leads to does not agree."""
 MANY = 400
 """Common points of which the movement is worked out, at the most."""
 
@@ -139,7 +128,8 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     found = _tie_of_either_hand(target, source, scene)
     if found is None or found.open:
         found = tie_by_platform(target, source, scene) or found
-    if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
+    # Misfit, in parts of the size of what is common, beyond which two parts do not belong together.
+    if found is None or found.open or (found.redundancy > 0 and found.misfit > 0.03):
         return False
     if found.alternatives and not ambiguous:
         return False
@@ -170,7 +160,8 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
 def open_movements(target: Part, source: Part, scene: Scene) -> int:
     """Return the number of movements between two parts that nothing determines."""
     found = tie(target, source, scene)
-    return ALL_OPEN if found is None else found.open
+    # Movements between two parts that nothing ties.
+    return 7 if found is None else found.open
 
 
 def free_movements(target: Part, source: Part) -> int:
@@ -322,7 +313,8 @@ def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
     """
     if not found.alternatives:
         return found.similarity
-    both = [found.similarity, *found.alternatives][:MOST_TRIED]
+    # Movements that fit alike of which another one may be taken where what the first leads to does not agree.
+    both = [found.similarity, *found.alternatives][:6]
     known = source.points[np.isfinite(source.points).all(axis=1)]
     if source.poses and len(known) and not found.open:
         centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
@@ -355,7 +347,8 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     standing = {frames[number].position for number in part.poses if frames[number].stands}
     blocks = np.array(sorted(standing), dtype=np.int64)
     given = blocks[system.fixed[blocks]]
-    if 2 * len(given) < len(blocks) or len(given) < FEWEST_POSITIONS:
+    # Given positions from which a part that is still growing may be tied to them.
+    if 2 * len(given) < len(blocks) or len(given) < 8:
         return False
     spread_positions(part, frames)
     given = given[part.known(given)]
@@ -364,7 +357,8 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     if found.outcome is not SimilarityOutcome.DETERMINED:
         return False
     spread = rotations.singular_values(target - target.mean(axis=0))
-    return bool(found.sigma0 < TURN * np.hypot(spread[1], spread[2]))
+    # σ of the turn (radians) up to which given positions tie a part while it is still growing.
+    return bool(found.sigma0 < 0.01 * np.hypot(spread[1], spread[2]))
 
 
 def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
@@ -720,15 +714,10 @@ def _rows_of(network: Network, kind: str, only: ObservationType | None = None) -
 
 # ---- Start values that the observations contradict: frames whose rays pass by what they see, points that rays pass by.
 
-LARGE = 0.1
-"""Radians beyond which it is no small angle, and said in gon."""
 MOST = 0.5
 """Part of the rays of a frame that must agree with what they see."""
 AGREES = 3.0 * SLACKS[-1]
 """Radians within which a ray agrees with a start value."""
-
-
-FEWEST_OF_POINT = 2
 
 
 class Contradiction(NamedTuple):
@@ -743,7 +732,8 @@ class Contradiction(NamedTuple):
 
     def __str__(self) -> str:
         angle = 2.0 * float(np.arcsin(min(0.5 * self.off, 1.0)))
-        if angle > LARGE:
+        # Radians beyond which it is no small angle, and said in gon.
+        if angle > 0.1:
             return f"{self.name}: the observations contradict it by {angle / ANGLE_UNITS['gon']:.0f} gon"
         return f"{self.name}: the observations contradict it by {1e3 * angle:.3g} mrad"
 
@@ -796,7 +786,7 @@ def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[Int
 
 
 def _tested(point: IntArray, scene: Scene) -> BoolArray:
-    return np.asarray(np.bincount(point, minlength=scene.points) >= FEWEST_OF_POINT)
+    return np.asarray(np.bincount(point, minlength=scene.points) >= 2)
 
 
 def _agreeing(point: IntArray, off: FloatArray, scene: Scene) -> BoolArray:

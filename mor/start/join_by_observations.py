@@ -32,9 +32,6 @@ MOST = 60
 """Rows of a group that take part."""
 PLACES = 6
 """Points that neither part knows and that take part, at the most."""
-FEWEST = 4
-"""Components measured from or to such a point, from which on it says more than where it is."""
-_PEELED = 5
 _ABSURD = 1e6
 
 
@@ -169,13 +166,14 @@ def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) ->
     fit = turned > 0
     fit[list(levelled)] = True
     wanted = np.asarray(told == 0)
-    for round_ in range(_PEELED):
+    for round_ in range(5):
         counts = -np.bincount(np.array(sets, dtype=np.int64), minlength=len(told))
         for group in network.groups:
             _count(group, (told > 0) | wanted, fit, counts)
         counts[~wanted] = 0
         order = np.argsort(-counts, kind="stable")[: PLACES if round_ else len(counts)]
-        kept = order[counts[order] >= FEWEST]
+        # Components measured from or to such a point, from which on it says more than where it is.
+        kept = order[counts[order] >= 4]
         if len(kept) == np.count_nonzero(wanted):
             break
         wanted[:] = False
@@ -329,9 +327,6 @@ def about_vertical(kappas: FloatArray) -> FloatArray:
 # ---- Many starts of one small problem at once: Σ log(1 + v²), by Gauss-Newton with Cauchy weights, damped.
 
 _STEP = 1e-6
-_FEW, _MANY = 6, 30
-"""Steps of the most promising starts, and of the best of these."""
-_LOOKED_AT, _KEPT = 200, 16
 _LARGEST = 0.5
 """Change of an unknown in one step, at the most."""
 
@@ -367,10 +362,11 @@ class Minima(NamedTuple):
 
 def minima(searched: Searched[States], starts: States) -> Minima:
     """The minima that the most promising of many starts lead to."""
-    order = np.argsort(_objectives(searched.residuals(starts), 30.0), kind="stable")[:_LOOKED_AT]
-    states, off = _iterated(searched, some(starts, order), _FEW, 10.0)
-    states = some(states, np.argsort(_objectives(off, 3.0), kind="stable")[:_KEPT])
-    states, off = _iterated(searched, states, _MANY, 5.0)
+    order = np.argsort(_objectives(searched.residuals(starts), 30.0), kind="stable")[:200]
+    # Steps of the most promising starts, and of the best of these.
+    states, off = _iterated(searched, some(starts, order), 6, 10.0)
+    states = some(states, np.argsort(_objectives(off, 3.0), kind="stable")[:16])
+    states, off = _iterated(searched, states, 30, 5.0)
     order = np.argsort(_objectives(off, 1.0), kind="stable")
     states, off = some(states, order), off[order]
     return Minima(states, _objectives(off, 1.0), off, _derivatives(searched, some(states, np.array([0])), off[:1])[0])
@@ -421,18 +417,9 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
 
 # ---- What is looked for between two parts, and the starts from which it is looked for.
 
-STARTS = 500
-"""Starts at the least: turns that are sampled come again with other shifts and scales."""
-MEMORY = 3e7
-"""Coordinates that are held at once, at the most."""
 _TURNS = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
 _TIMES = {FreeRotation.ANY: 4, FreeRotation.VERTICAL: 2, FreeRotation.NONE: 1}
 """Times as many starts, where the target may be turned against what observations refer to."""
-FEWEST_DIRECTIONS = 3
-WANTED = 3
-"""Number by which points that neither part knows are known."""
-_SAME = 1e-6
-"""Change of misclosures up to which these do not depend on what was changed."""
 
 
 class Stance(NamedTuple):
@@ -589,15 +576,18 @@ def standing(search: Search) -> Search:
 
 def _differ(search: Search, one: SimilarityTransformations, other: SimilarityTransformations) -> bool:
     off = [search.residuals(states._replace(kappas=_orientations(search, states))) for states in (one, other)]
-    return bool((np.abs(off[1] - off[0]) > _SAME * (1.0 + np.abs(off[0]))).any())
+    # Change of misclosures up to which these do not depend on what was changed.
+    return bool((np.abs(off[1] - off[0]) > 1e-6 * (1.0 + np.abs(off[0]))).any())
 
 
 def starts(search: Search) -> SimilarityTransformations:
     """Turns all over, with shifts and scales drawn about what is common or in reach."""
     draw = np.random.default_rng(1)
     turns = sampled_turns(search.turn)
-    most = int(MEMORY / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
-    wanted = STARTS * _TIMES[search.stance.turn]
+    # Coordinates that are held at once, at the most.
+    most = int(3e7 / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
+    # Starts at the least: turns that are sampled come again with other shifts and scales.
+    wanted = 500 * _TIMES[search.stance.turn]
     turns = np.tile(turns, (-(-wanted // len(turns)), 1, 1))
     turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
     states = _drawn(search, draw, turns)
@@ -617,8 +607,9 @@ def starts(search: Search) -> SimilarityTransformations:
     places = states.places.copy()
     for place, sighted, directions, rises in search.sights:
         column = np.flatnonzero(search.sides.places == place)
-        told = np.asarray(search.sides.known.points[sighted] != WANTED)
-        if len(column) and np.count_nonzero(told) >= FEWEST_DIRECTIONS:
+        # Number by which points that neither part knows are known.
+        told = np.asarray(search.sides.known.points[sighted] != 3)
+        if len(column) and np.count_nonzero(told) >= 3:
             there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
             back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
             places[:, column[0]] = np.where(
@@ -706,17 +697,8 @@ def _orientations(search: Search, states: SimilarityTransformations) -> FloatArr
 
 CONTROLLED = 3
 """Observations beyond those that a movement takes, from which on they tell it beyond doubt."""
-AGREEING = 0.7
-"""Part of all that agree with a movement, at the least."""
-FITS = 5.0
-"""Units of what an observation is good to, up to which it agrees."""
-CLEAR = 9.0
-"""Difference of two objectives from which on one movement is told from another."""
 OPEN = 0.1
 """σ of a movement (radians, or parts of the size) from which on it is open."""
-APART = 0.05
-SMALL = 5_000
-"""Observations of a network up to which it is tried."""
 SEARCHED = 400
 """Observations of the first search in a network, at the most; the k-th one is made among a k-th of them.
 
@@ -734,7 +716,8 @@ def tie_by_observations(
     after too many searches in the network (``SEARCHED``).
     """
     known = np.asarray(np.isfinite(source.points).all(axis=1))
-    if network.observations > SMALL or not (known.any() or source.poses):
+    # Observations of a network up to which it is tried.
+    if network.observations > 5_000 or not (known.any() or source.poses):
         return None
     middle = source.points[known].mean(axis=0) if known.any() else np.zeros(3)
     sides = sides_of(network, scene, target, source, middle)
@@ -806,16 +789,19 @@ def _sights(scene: Scene, sides: Sides) -> tuple[UnorientedSet, ...]:
 
 
 def _judged(search: Search, found: Minima, redundant: int) -> Movement | None:
-    agrees = np.abs(found.residuals[0]) < FITS
+    # Units of what an observation is good to, up to which it agrees.
+    agrees = np.abs(found.residuals[0]) < 5.0
     count = int(np.count_nonzero(agrees))
     values, axes, without = _determined(search, found.derivatives[agrees])
     open_ = values * OPEN < 1.0
     redundancy = count - search.unknowns + int(np.count_nonzero(open_)) + without
-    if redundancy < redundant or count < AGREEING * len(agrees):
+    # Part of all that agree with a movement, at the least.
+    if redundancy < redundant or count < 0.7 * len(agrees):
         return None
     best = _movement(search, found, 0)
     others: list[int] = []
-    for k in np.flatnonzero(found.objectives < found.objectives[0] + CLEAR)[1:].tolist():
+    # Difference of two objectives from which on one movement is told from another.
+    for k in np.flatnonzero(found.objectives < found.objectives[0] + 9.0)[1:].tolist():
         if all(_apart(search, found, k, other, axes[~open_]) for other in (0, *others)):
             others.append(k)
     misfit = PRECISION * float(np.sqrt(np.mean(np.square(found.residuals[0][agrees]))))
@@ -865,7 +851,7 @@ def _apart(search: Search, found: Minima, one: int, other: int, axes: FloatArray
     size = np.maximum(a.scale, b.scale) * search.size
     scales = [] if search.scaled else [np.log(b.scale / a.scale)]
     difference = np.concatenate([(b.shift - a.shift) / size, turns, scales])
-    return bool(np.abs(axes @ difference).max(initial=0.0) > APART)
+    return bool(np.abs(axes @ difference).max(initial=0.0) > 0.05)
 
 
 def _movement(search: Search, found: Minima, number: int) -> Similarity:

@@ -19,8 +19,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # For a plane n · X = d in frame A and X_B = D* (X_A − b): H ~ D* (1 − b nᵀ/d). H is given its middle singular
 # value as scale and the sign that keeps the points in front of both frames; then H = D* (1 − b nᵀ/d) exactly.
 
-UNCONTROLLED = 1e-6
-"""Redundancy of a coordinate below which the fit follows it, whatever it is."""
 
 _ROUND_OFF = 1e-14
 """Part of the largest below which what a collineation makes of a direction is nothing but round-off."""
@@ -124,7 +122,8 @@ def significance_of_points(a: Bundle, b: Bundle, homography: Homography, fitted:
     covariance = np.eye(2) + np.where(fitted, -1.0, 1.0)[:, None, None] * of_fit
     values, axes = rotations.eigh(covariance)
     along = np.einsum("nji,nj->ni", axes, residuals.reshape(-1, 2))
-    return np.asarray(np.sum(along**2 / np.maximum(values, UNCONTROLLED), axis=1))
+    # Redundancy of a coordinate below which the fit follows it, whatever it is.
+    return np.asarray(np.sum(along**2 / np.maximum(values, 1e-6), axis=1))
 
 
 class BundleRotation(NamedTuple):
@@ -252,8 +251,6 @@ def _conditions(
 
 REAL = 1e-5
 """Relative size below which the imaginary part of a root, or a negative R1 or R2, is taken for rounding."""
-UNSQUARED = 1e-5
-"""Misclosure of the unsquared (7), relative to its terms, up to which a candidate is a solution."""
 
 
 class QuadrilateralAngles(NamedTuple):
@@ -391,7 +388,8 @@ def solve_quadrilateral(corners_a: FloatArray, corners_b: FloatArray) -> list[Qu
     for rho in cubic_roots(link):
         for cot_phi_b, cot_psi_b in _cotangents(link, float(rho)):
             candidate = _complete(link, angles_a, angles_b, float(rho), cot_phi_b, cot_psi_b)
-            if candidate.misclosure < UNSQUARED and not any(_same(candidate, other) for other in found):
+            # Misclosure of the unsquared (7), relative to its terms, up to which a candidate is a solution.
+            if candidate.misclosure < 1e-5 and not any(_same(candidate, other) for other in found):
                 found.append(candidate)
     return sorted(found, key=lambda solution: not solution.admissible)
 
@@ -479,12 +477,8 @@ def corners_in_frame(corners: FloatArray, solution: Quadrilateral, image: int) -
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
 
-MORE_THAN_A_TURN = 5
-"""Unknowns that a collineation has and a rotation has not."""
 BY_ITSELF = 2.9e-7
 """Probability that two images from one centre seem to have a base, by their errors alone (5 σ)."""
-CERTAIN = 5.0
-"""Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded."""
 
 
 class PlaneOutcome(Enum):
@@ -551,11 +545,13 @@ def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
         return PlaneSolutions(PlaneOutcome.NOT_PLANE, [], homography)
     turn = fit_turn(a, b)
     variance = max(1.0, homography.objective / max(homography.redundancy, 1))
-    if turn.objective - homography.objective < variance * float(chdtri(MORE_THAN_A_TURN, BY_ITSELF)):
+    # Unknowns that a collineation has and a rotation has not.
+    if turn.objective - homography.objective < variance * float(chdtri(5, BY_ITSELF)):
         standing = PlaneOrientation(np.full(3, np.nan), np.zeros(3), turn.rotation, 0)
         return PlaneSolutions(PlaneOutcome.NO_BASE, [standing], homography)
     solutions = solutions_of_homography(homography.matrix, a.rays, b.rays)
-    along = significance_of_gaps(homography) < CERTAIN
+    # Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded.
+    along = significance_of_gaps(homography) < 5.0
     if along and not any(one.front == len(a) for one in solutions):
         solutions = [along_normal(homography.matrix, a.rays, b.rays)]
     return PlaneSolutions(_outcome(homography, solutions, along, len(a)), solutions, homography)

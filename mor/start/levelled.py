@@ -35,12 +35,8 @@ SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
 SECTION_FITS = 1e-2
 """Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
-CONTRADICTS = 0.45
-"""Radians that half of the directions of a set must not be off the others by."""
 RISES = 0.1, -0.1, 0.5, -0.5
 """Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
-SMALLEST_SECTION = 0.05
-"""Radians at which two bearings must meet."""
 
 
 def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bool:
@@ -83,7 +79,8 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
             continue
         here = part.points[sight.position, :2]
         result = orient(here, part.points[sight.points[usable], :2], sight.directions[usable])
-        if np.median(np.abs(result.residuals)) < CONTRADICTS:
+        # Radians that half of the directions of a set must not be off the others by.
+        if np.median(np.abs(result.residuals)) < 0.45:
             part.kappas[number] = result.kappa
             added = True
     return added
@@ -211,7 +208,8 @@ def known_arcs(
 
 def _meet_well(bearings: list[float]) -> bool:
     differences = np.subtract.outer(bearings, bearings)
-    return bool(np.abs(np.sin(differences)).max() > SMALLEST_SECTION)
+    # Radians at which two bearings must meet.
+    return bool(np.abs(np.sin(differences)).max() > 0.05)
 
 
 def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> bool:
@@ -349,17 +347,8 @@ def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -
 # directions and distances; a point is taken where one place fits, and, where nothing else is left, where
 # several do.
 
-FITS = 0.01
-"""Residual (radians, or parts of a distance) up to which a surface passes through a point."""
-ROUGHLY = 0.1
-"""The same where nothing else is left: what is known may be rough itself."""
-SAME = 0.02
-"""Distance of two places, in parts of the size, up to which they are one."""
-SMALLEST = 1e-3
-"""Least singular value of the surfaces, relative to the largest, at which they meet in a point."""
 ONE_PLACE = "meeting of {count} surfaces"
 SEVERAL_PLACES = "meeting of {count} surfaces: one of {of} positions that fit equally well"
-_ALIKE = 9.0
 
 
 class Surfaces(NamedTuple):
@@ -396,7 +385,9 @@ def grow_single_points(part: Part, scene: Scene, ambiguous: bool = False, contra
     size, middle = float(np.linalg.norm(np.ptp(known, axis=0))), known.mean(axis=0)
     if not size:
         return False
-    fits = np.inf if contradicting else ROUGHLY if ambiguous else FITS
+    # Residual (radians, or parts of a distance) up to which a surface passes through a point.
+    # The same where nothing else is left: what is known may be rough itself.
+    fits = np.inf if contradicting else 0.1 if ambiguous else 0.01
     systems = [_pose_of_system(part, one, fits) for one in scene.partial_systems]
     added = False
     for point in missing:
@@ -440,17 +431,19 @@ def meeting_places(
     at, towards = surfaces.sights[:, :3], surfaces.sights[:, 3:]
     ahead = np.asarray((np.einsum("kni,ni->kn", X[:, None, :] - at, towards) > 0.0).all(axis=1))
     good &= ahead if np.isfinite(fits) or (good & ahead).any() else True
-    good &= cost <= max(_ALIKE * np.fmin.reduce(cost), (0.1 * fits) ** 2)
+    good &= cost <= max(9.0 * np.fmin.reduce(cost), (0.1 * fits) ** 2)
     best = np.argsort(cost)
     best = best[good[best]]
     values = rotations.singular_values(rows[best][:, :, free] * size)
     if values.shape[1] < free.sum():
         return []
-    apart = X[best[values[:, -1] >= SMALLEST * values[:, 0]]]
+    # Least singular value of the surfaces, relative to the largest, at which they meet in a point.
+    apart = X[best[values[:, -1] >= 1e-3 * values[:, 0]]]
     places: list[FloatArray] = []
     while len(apart):
         places.append(apart[0])
-        apart = apart[np.linalg.norm(apart - apart[0], axis=1) > SAME * size]
+        # Distance of two places, in parts of the size, up to which they are one.
+        apart = apart[np.linalg.norm(apart - apart[0], axis=1) > 0.02 * size]
     return places
 
 
@@ -580,16 +573,14 @@ def _of_systems(
 #
 # Distances cannot tell a shape from its mirrored one: such a part is not ``handed`` until it has joined another.
 
-SIZES = (40, 20, 10)
-"""Points, at the most, of which a shape is looked for; the others grow from it."""
-
 
 def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tuple[int, ...]]) -> Part | None:
     """A part of points of which one at least is not ``known`` (points,) in any part; ``tried`` remembers all tries."""
     if known[list(scene.distances[1].neighbours)].all():
         return None
     for dimension, lengths in ((2, _in_plan(scene, system)), (3, _in_space(scene))):
-        for links, most in (*((dimension + 1, size) for size in SIZES), (dimension, dimension + 1)):
+        # Points, at the most, of which a shape is looked for; the others grow from it.
+        for links, most in (*((dimension + 1, size) for size in (40, 20, 10)), (dimension, dimension + 1)):
             core = core_of(lengths, links, most)
             key = (dimension, *core.tolist())
             if len(core) <= dimension or key in tried or known[core].all():

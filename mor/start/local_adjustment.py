@@ -22,25 +22,21 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form.
 
-NEIGHBOUR = 10
-"""Known points from which the pose of a neighbour is tried as a start."""
-CONTROLLED = 6
-"""Known points from which some may be left out of a resection at once."""
 _REMEMBERED = 1024
 _SAMPLE = 60
 """Points of a frame a resection uses at the most."""
-_EXACT = 1e-6
-"""σ of a position that is given as exact, in parts of the distance to the points."""
 
 
 def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = SLACKS) -> bool:
     """Add the pose of a frame to the part; true where the points it sees allow one, with one of some slacks."""
     known, targets = _known_points(part, frame)
-    if len(known) >= NEIGHBOUR and _like_a_neighbour(part, frame, number, known, targets):
+    # Known points from which the pose of a neighbour is tried as a start.
+    if len(known) >= 10 and _like_a_neighbour(part, frame, number, known, targets):
         return True
     usable = [s for s in slacks if s >= part.slack]
     # Of few points none is to be left out as long as a looser fit has them all: four fit many a wrong pose.
-    least = [len(known)] * len(usable) if len(known) < CONTROLLED else []
+    # Known points from which some may be left out of a resection at once.
+    least = [len(known)] * len(usable) if len(known) < 6 else []
     least += [least_agreeing(len(known))] * len(usable)
     for slack, enough in zip([*usable, *usable][-len(least) :], least, strict=True):
         rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
@@ -123,7 +119,8 @@ def observed_centres(
     place = part.points[position] - (turns.transpose(0, 2, 1) @ offset[:, 1:, None])[:, :, 0]
     place[:, 2] += offset[:, 0]
     away = np.maximum(np.abs(targets.min(axis=0) - place), np.abs(targets.max(axis=0) - place))
-    exact = _EXACT * away.max(axis=1, keepdims=True)
+    # σ of a position that is given as exact, in parts of the distance to the points.
+    exact = 1e-6 * away.max(axis=1, keepdims=True)
     own = part.sigma[position]
     return known, place, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact)
 
@@ -137,8 +134,6 @@ def observed_centres(
 
 _LOCAL_BUNDLE_SAMPLE = 40
 """Points of a frame that take part."""
-_NEAR = 10.0
-"""Misfit in units of σ up to which a ray has a say."""
 _POSE = 6
 """Unknowns of a frame."""
 _LOOSE = 1e-9
@@ -244,7 +239,8 @@ def _linearised(poses: PosedFrames, rays: _PosedRays, X: FloatArray) -> tuple[Fl
     away[:, 2] += rays.height
     star = np.einsum("nij,nj->ni", D, away)
     computed = reproject(rays.bundle, star)
-    near = np.linalg.norm(computed.residuals, axis=1) < _NEAR
+    # Misfit in units of σ up to which a ray has a say.
+    near = np.linalg.norm(computed.residuals, axis=1) < 10.0
     by_star = computed.by_star * near[:, None, None]
     by_point = by_star @ D
     by_pose = np.concatenate([-by_point, by_star @ cross_matrix(star)], axis=2)
@@ -298,16 +294,6 @@ def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
 
 ENOUGH = 6
 """Known points in a frame from which a resection is unambiguous and controlled."""
-SHARE = 0.5
-"""Frames are posed in one round that see so large a part of the most known points that any of them sees."""
-FIRST = 200
-"""Frames just joined to given positions that settle with those posed first."""
-BATCH = 6
-"""Frames at least that are posed before they settle."""
-FRONT = 5
-"""Batches before them that settle with them: with fewer, errors still grow from row to row of an aerial block."""
-ROUGH = (0.03, 0.1)
-"""Slacks (radians) of frames that see points whose places are rough."""
 FEWEST = 4
 """Known points from which a frame can be resected where there is no other way."""
 
@@ -322,18 +308,22 @@ def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: i
     refused = np.zeros(seen.frames, dtype=np.int64)
     counts = _seen(seen, np.flatnonzero(np.isfinite(part.points).all(axis=1)))
     posed = sorted(part.poses)
-    just_tied = part.place_sigma > 0.0 and len(posed) <= FIRST
+    # Frames just joined to given positions that settle with those posed first.
+    just_tied = part.place_sigma > 0.0 and len(posed) <= 200
     front = [[number for number in posed if just_tied and frames[number].name in part.how]]
     before, grown = len(posed), False
     while True:
         _grow_bundles_enter(part, frames, poses, posed)
         fresh = _intersect(part, frames, seen, poses, posed)
-        if front[-1] and (len(front[-1]) >= BATCH or not posed):
+        # Frames at least that are posed before they settle.
+        if front[-1] and (len(front[-1]) >= 6 or not posed):
             moving = [number for batch in front for number in batch]
             settle(part, frames, seen, poses, moving)
             # What only frames between see changes little, and again with the next batch.
             _intersect(part, frames, seen, poses, [*front[0], *front[-1]] if posed else moving)
-            front = [*front[-FRONT:], []]
+            # Batches before them that settle with them: with fewer, errors still grow from row to row of an aerial
+            # block.
+            front = [*front[-5:], []]
         counts += _seen(seen, fresh)
         paused = most is not None and len(part.poses) - before >= most
         without = np.isnan(poses.centres[:, 0])
@@ -379,7 +369,8 @@ def _pose_best(part: Part, frames: Sequence[Frame], counts: IntArray, refused: I
     usable = (counts >= fewest) & (counts > refused)
     posed: list[int] = []
     while usable.any() and not posed:
-        threshold = max(fewest, int(SHARE * counts[usable].max()))
+        # Frames are posed in one round that see so large a part of the most known points that any of them sees.
+        threshold = max(fewest, int(0.5 * counts[usable].max()))
         chosen = np.flatnonzero(usable & (counts >= threshold))
         for number in chosen[np.argsort(-counts[chosen], kind="stable")].tolist():
             if pose_frame(part, frames[number], number):
@@ -398,7 +389,8 @@ def pose_the_rest(part: Part, frames: Sequence[Frame]) -> bool:
             continue
         known = part.known(frame.points)
         if np.count_nonzero(known) >= FEWEST:
-            posed |= pose_frame(part, frame, number, ROUGH)
+            # Slacks (radians) of frames that see points whose places are rough.
+            posed |= pose_frame(part, frame, number, (0.03, 0.1))
     return posed
 
 

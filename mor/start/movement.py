@@ -25,8 +25,6 @@ OPEN = 0.1
 """σ of a movement (radians, or parts of the size) from which on it is open rather than determined."""
 PRECISION = 1e-4
 """What coordinates are good to at the best, in parts of the size of the target."""
-_TRIPLES = 20
-_CAUCHY = 3.0
 _REMEMBERED = 256
 
 
@@ -193,7 +191,7 @@ def _closed_forms(ties: _Normalised, turn: FreeRotation, scaled: bool) -> list[F
     if len(full) < axes:
         return []
     draw = np.random.default_rng(1)
-    samples = [full, *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0))]
+    samples = [full, *(draw.choice(full, axes, replace=False) for _ in range(20 if len(full) > axes else 0))]
     fitted = congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
     found = []
     for chosen in samples:
@@ -244,7 +242,7 @@ def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool)
         rows = rows[:, moves]
         scatter = max(float(np.median(np.abs(residuals))) * 1.48, PRECISION)
         enough = len(residuals) > rows.shape[1] + 3
-        weight = 1.0 / (1.0 + (residuals / (_CAUCHY * scatter)) ** 2) if enough and step > 3 else weight
+        weight = 1.0 / (1.0 + (residuals / (3.0 * scatter)) ** 2) if enough and step > 3 else weight
         root = np.sqrt(weight)
         cost = float(np.sum(weight * residuals**2))
         size = 1e-9 + lift if step < 3 else 1e-9

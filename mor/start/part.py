@@ -322,8 +322,6 @@ def _bare(frame: Frame, kept: BoolArray) -> Frame:
 
 # ---- A part of the network in one coordinate system: what is known of points and frames so far.
 
-_SUM = np.ones(3)
-
 
 @dataclass(eq=False)
 class Part:
@@ -388,7 +386,7 @@ class Part:
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
         # Whatever is not finite shows in the sum, and that is twice as fast.
-        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ _SUM))
+        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ np.ones(3)))
 
     def lower_to_marks(self, heights: FloatArray, which: BoolArray | None = None) -> None:
         """Bring points (all, or ``which``) from their targets down to the marks, by ``heights`` (point blocks,)."""

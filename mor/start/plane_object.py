@@ -48,8 +48,6 @@ LEAST = 5
 PART = 0.5
 """Part of the points that must agree: in a crowd some always lie in a plane by accident."""
 SAMPLES = 200
-STEPS, ROUNDS = 3, 5
-"""Adjustments of the half that fits best, and of all that agree."""
 
 
 def carried_over(a: Bundle, b: Bundle) -> BoolArray:
@@ -64,7 +62,8 @@ def carried_over(a: Bundle, b: Bundle) -> BoolArray:
     if len(a) <= LEAST or fits:
         return everything
     kept = _best_half(a, b, _samples(len(a)))
-    for _ in range(ROUNDS):
+    # Adjustments of the half that fits best, and of all that agree.
+    for _ in range(5):
         homography = fit_homography(a.take(kept), b.take(kept))
         now = significance_of_points(a, b, homography, kept) < AGREES * _variance(homography)
         if np.sum(now) < max(LEAST, PART * len(a)):
@@ -97,7 +96,7 @@ def _best_half(a: Bundle, b: Bundle, samples: IntArray) -> BoolArray:
     half = max(LEAST, int(np.ceil(PART * len(a))))
     found = misfits(a, b, homographies_of_four(a.directions[samples], b.directions[samples]))
     best = found[np.argmin(np.sum(np.sort(found, axis=1)[:, :half], axis=1))]
-    for _ in range(STEPS):
+    for _ in range(3):
         kept = np.zeros(len(a), dtype=bool)
         kept[np.argsort(best)[:half]] = True
         best = significance_of_points(a, b, fit_homography(a.take(kept), b.take(kept)), kept)
@@ -116,8 +115,6 @@ LEAST_DAMPING, ROUGH = 1e-9, 1e-6
 """Of the scaled normal matrix: always, for the free movements; and at least, once a step led upwards."""
 STILL = 1e-10
 """Part of Σ (v/σ)² by which a step must promise to lower it; and σ below which residuals are rounding."""
-UNDETERMINED = 1e-13
-"""Eigenvalue of the scaled normal matrix, relative to the largest, below which something else is open as well."""
 
 
 class PlaneState(NamedTuple):
@@ -270,7 +267,8 @@ def covariance_in(adjusted: AdjustedPlane, constraints: FloatArray) -> FloatArra
     free = adjusted.free
     scale = 1.0 / np.sqrt(np.maximum(np.diag(adjusted.normal)[free], 1e-300))
     values, vectors = rotations.eigh(adjusted.normal[np.ix_(free, free)] * np.outer(scale, scale))
-    if values[FREE] < UNDETERMINED * values[-1]:
+    # Eigenvalue of the scaled normal matrix, relative to the largest, below which something else is open as well.
+    if values[FREE] < 1e-13 * values[-1]:
         return np.full(adjusted.normal.shape, np.nan)
     null, chosen = movements(adjusted.state)[free], constraints[:, free]
     into_datum = np.eye(len(null)) - null @ rotations.solve(chosen @ null, chosen)
@@ -300,12 +298,6 @@ def inner_constraints(adjusted: AdjustedPlane, in_plane: BoolArray) -> FloatArra
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
-MOVED = 5.0 / 3.0
-"""Times its σ that a coordinate may change by for each σ of the normal: what is called five σ is three at least."""
-SAME_NORMAL = 0.02
-"""Angle in radians between the normals of two pairs up to which one of them is start enough."""
-SAME = 1e-5
-"""Differences of normals and attitudes, beyond their σ, up to which two shapes are one."""
 SOLVED = (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL, PlaneOutcome.NOT_VISIBLE)
 """Outcomes of a pair that leave it to all images."""
 
@@ -387,7 +379,8 @@ def _hypotheses(rays: _PlaneRays, pairs: list[PlaneSolutions]) -> list[list[Plan
     for number, pair in enumerate(pairs, 1):
         double = [_double(rays, number, pair)] if pair.outcome is PlaneOutcome.BASE_ALONG_NORMAL else []
         for one in [*pair.solutions, *double]:
-            if one.front > 0 and all(np.linalg.norm(one.normal - n) > SAME_NORMAL for n in normals):
+            # Angle in radians between the normals of two pairs up to which one of them is start enough.
+            if one.front > 0 and all(np.linalg.norm(one.normal - n) > 0.02 for n in normals):
                 normals.append(one.normal)
     return [[_under(rays, number, pair, normal) for number, pair in enumerate(pairs, 1)] for normal in normals]
 
@@ -543,7 +536,8 @@ def _soft(rays: _PlaneRays, pairs: list[PlaneSolutions], shape: PlaneShape) -> b
         bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, k])
         if bent.objective - adjusted.objective < PROMISED * far**2:
             return True
-        if _plane_shape_moved(shape, bent.state, rays.in_plane, sigma_heights) > MOVED * far:
+        # Times its σ that a coordinate may change by for each σ of the normal: what is called five σ is three at least.
+        if _plane_shape_moved(shape, bent.state, rays.in_plane, sigma_heights) > (5.0 / 3.0) * far:
             return True
     return False
 
@@ -566,7 +560,8 @@ def _same(first: PlaneShape, second: PlaneShape) -> bool:
     """One shape: the first image sees the plane under one normal, the others stand to it alike, to their σ."""
     away = np.abs(_invariants(first) - _invariants(second))
     sigma = min(first.sigma_normal, second.sigma_normal, 1.0)
-    return bool(np.max(away) <= SAME + sigma)
+    # Differences of normals and attitudes, beyond their σ, up to which two shapes are one.
+    return bool(np.max(away) <= 1e-5 + sigma)
 
 
 def _invariants(shape: PlaneShape) -> FloatArray:
@@ -696,9 +691,6 @@ def sides_and_angles(corners: FloatArray) -> SidesAndAngles:
 # function of the adjusted points and frames; its covariance follows from theirs by the S-transformation and
 # the law of propagation, for the a-priori σ of the image coordinates.
 
-ROUNDING = 1e-7
-"""σ over the largest one below which it is zero: of what carries the object system."""
-
 
 class Length(NamedTuple):
     """Definition of origin, direction and scale of the object system."""
@@ -739,7 +731,8 @@ def placed_covariance(shape: PlaneShape, placed: PlacedPlane, tie: Length) -> Fl
     relative = tie.sigma / tie.length
     result = carried @ covariance @ carried.T + relative**2 * np.outer(stretched, stretched)
     sigma = np.sqrt(np.maximum(np.diag(result), 0.0))
-    exact = sigma < ROUNDING * np.max(sigma)
+    # σ over the largest one below which it is zero: of what carries the object system.
+    exact = sigma < 1e-7 * np.max(sigma)
     result[exact] = result[:, exact] = 0.0
     return np.asarray(result)
 

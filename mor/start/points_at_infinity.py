@@ -24,10 +24,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 NARROW = 0.05
 """Angle (rad) between rays beyond which nobody asks whether they are parallel."""
-_SIGMAS_OF_A_RAY = 3.0
-"""What the frames of the start values multiply the σ of rays with."""
-_ALIKE = 1e-2
-"""Angle (rad) to its rays up to which the start values of a far point tell its direction."""
 
 
 class RayPoints(NamedTuple):
@@ -163,7 +159,8 @@ def _met(network: Network, given: FloatArray) -> RayPoints:
     frame = seen.frame[known]
     points, point = np.unique(seen.point[known], return_inverse=True)
     rays = np.einsum("ni,nij->nj", seen.rays[known], turns[frame])
-    weight = (_SIGMAS_OF_A_RAY / seen.sigma[known]) ** 2
+    # What the frames of the start values multiply the σ of rays with.
+    weight = (3.0 / seen.sigma[known]) ** 2
     found = _inverse_distances(point, centres[frame], rays, weight, len(points))
     enough = np.bincount(point, minlength=len(points)) > 1
     return _as_given(found._replace(points=points.astype(np.int64)), given).take(enough)
@@ -209,5 +206,6 @@ def _as_given(found: RayPoints, given: FloatArray) -> RayPoints:
     size = np.linalg.norm(away, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = away / size[:, None]
-        alike = np.linalg.norm(unit - found.directions, axis=1) < _ALIKE
+        # Angle (rad) to its rays up to which the start values of a far point tell its direction.
+        alike = np.linalg.norm(unit - found.directions, axis=1) < 1e-2
     return found._replace(directions=np.where(alike[:, None], unit, found.directions))

@@ -15,9 +15,6 @@ from mor.start.resection import AGREES
 from mor.start.scene import Scene
 from mor.types import BoolArray, FloatArray
 
-SLACKS_OF_TEST = SLACKS[2:]
-"""Radians by which rays may be off: parts are bent a little."""
-
 Pose = tuple[FloatArray, FloatArray]
 """Projection centre and rotation D."""
 
@@ -65,7 +62,8 @@ def _another(part: Part, frame: Frame, number: int, known: BoolArray) -> bool:
     """
     before, failed = part.poses[number], False
     least = least_agreeing(int(np.count_nonzero(known)))
-    for slack in (slack for slack in SLACKS_OF_TEST if slack >= part.slack):
+    # Radians by which rays may be off: parts are bent a little.
+    for slack in (slack for slack in SLACKS[2:] if slack >= part.slack):
         if _agreeing(part, frame, number, known, slack) >= least:
             return failed
         failed = True

@@ -305,11 +305,6 @@ def _step(current: FloatArray, start: FloatArray, weight: FloatArray) -> tuple[F
 #
 # Conditions are linearised at the adjusted observations, so the result is the strict minimum of Σ (v/σ)².
 
-INNER = 4
-"""Iterations for the adjusted observations of given parameters; they gain six digits each at image noise."""
-PARALLAX = 3.0
-"""Rays whose angle is below so many σ are parallel: in front if they point to the same side."""
-
 
 class CoplanarityResiduals(NamedTuple):
     """Adjusted observations of given parameters."""
@@ -349,7 +344,8 @@ def misfit(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Copl
     axes_a, axes_b = a.whitened_axes, b.whitened_axes
     corrections = np.zeros((len(a), 4))
     rays_a, rays_b = a.rays, b.rays
-    for _ in range(INNER):
+    # Iterations for the adjusted observations of given parameters; they gain six digits each at image noise.
+    for _ in range(4):
         slopes = np.concatenate(
             [np.einsum("nij,ni->nj", axes_a, rays_b @ ik.T), np.einsum("nij,ni->nj", axes_b, rays_a @ ik)], axis=1
         )
@@ -442,7 +438,8 @@ def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) ->
     normal = cross(a.rays, turned)
     depths = np.stack([np.einsum("ni,ni->n", cross(base, rays), normal) for rays in (turned, a.rays)], axis=1)
     noise = np.hypot(a.sigma / a.lengths, b.sigma / b.lengths)
-    parallel = np.linalg.norm(normal, axis=1) < PARALLAX * noise * (a.lengths * b.lengths)
+    # Rays whose angle is below so many σ are parallel: in front if they point to the same side.
+    parallel = np.linalg.norm(normal, axis=1) < 3.0 * noise * (a.lengths * b.lengths)
     same_side = np.einsum("ni,ni->n", a.rays, turned) > 0.0
     ahead, behind = (
         np.where(parallel[:, None], same_side[:, None], towards) for towards in (depths > 0.0, depths < 0.0)
@@ -469,8 +466,6 @@ REST = ["003", "013", "113", "023", "123", "223", "033", "133", "233", "333"]
 ORDER = [CUBIC.index((int(m[0]), int(m[1]), int(m[2]))) for m in PROPER + REST]
 TIMES_X_CUBIC = {0: 0, 1: 1, 2: 2, 3: 4, 4: 5, 5: 7}
 TIMES_X_BASIS = {6: 0, 7: 1, 8: 3, 9: 6}
-REAL = 1e-4
-"""Imaginary part, relative, up to which an eigenvalue counts as real (double roots split into pairs)."""
 
 
 def _product_tables() -> tuple[FloatArray, FloatArray]:
@@ -544,7 +539,8 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
         action[:, row, column] = 1.0
     values, vectors = rotations.eig(action)
     last = vectors[:, 9, :]
-    real = (np.abs(values.imag) <= REAL * (1.0 + np.abs(values))) & (np.abs(last) > 1e-12)
+    # Imaginary part, relative, up to which an eigenvalue counts as real (double roots split into pairs).
+    real = (np.abs(values.imag) <= 1e-4 * (1.0 + np.abs(values))) & (np.abs(last) > 1e-12)
     weights = vectors[:, 6:10, :] / np.where(real, last, 1.0)[:, None, :]
     ik = np.einsum("sae,saij->seij", weights.real, basis)[real]
     norm = np.linalg.norm(ik, axis=(1, 2), keepdims=True)
@@ -565,19 +561,17 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 
 DIRECTIONS = 100
 """Over half a sphere: 0.25 rad from one to the next; the opposite direction has the same map."""
-NEIGHBOURS = 0.45
-"""Angle in radians within which a minimum of the map is to be the least."""
-MOST = 6
-"""Best minima that are given on."""
 
 
 def minima_over_directions(a: Bundle, b: Bundle, turn: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Orientations (b, D*) at the minima of the map, best first; ``turn`` (3, 3) is D* of no base."""
     bases = _half_sphere()
     objectives, rests = _map(a, b, turn, bases)
-    near = np.abs(bases @ bases.T) > np.cos(NEIGHBOURS)
+    # Angle in radians within which a minimum of the map is to be the least.
+    near = np.abs(bases @ bases.T) > np.cos(0.45)
     least = objectives <= np.min(np.where(near, objectives[None], np.inf), axis=1)
-    order = [k for k in np.argsort(objectives) if least[k]][:MOST]
+    # Best minima that are given on.
+    order = [k for k in np.argsort(objectives) if least[k]][:6]
     return [(bases[k], turn @ exponential(-rests[k])) for k in order]
 
 
@@ -618,8 +612,6 @@ FAR = (3.0, 5.0)
 """Standard deviations by which the base is turned."""
 PROMISED = 0.64
 """Part of the promised rise that must be there: what σ say is five σ are at least four."""
-STEPS = 4
-"""Most steps of the other four parameters; they halt where one promises less than ``ENOUGH``."""
 ENOUGH = 0.5
 
 
@@ -643,7 +635,8 @@ def _least(a: Bundle, b: Bundle, start: tuple[FloatArray, FloatArray], axis: Flo
     base, rotation = start
     state = misfit(a, b, base, rotation)
     objective = float(state.residuals @ state.residuals)
-    for _ in range(STEPS):
+    # Most steps of the other four parameters; they halt where one promises less than ``ENOUGH``.
+    for _ in range(4):
         across = unit(cross(base, axis))
         rows = design(state, base, rotation, across[:, None])
         step = -rotations.lstsq(rows, state.residuals, rcond=1e-12)

@@ -100,10 +100,6 @@ AS_GOOD = 25.0
 """Σ (v/σ)² by which another pose may be worse and still count as fitting equally well (5 σ)."""
 WEAK = 0.1
 """σ of the rotation (radians), or of the position relative to the nearest point, beyond which a pose is weak."""
-SAME = 1e-4
-"""Rotations of three-point solutions closer than this are one."""
-HALF = 0.5
-"""Part of the points that must agree."""
 
 
 class ResectionOutcome(Enum):
@@ -197,7 +193,8 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     covariance = _covariance(bundle.take(agreeing), points[agreeing], pose)
     spread = float(np.sqrt(np.max(np.diag(covariance)[3:])))
     # Without redundancy every pose fits exactly: two close to one another, near the dangerous cylinder, are two.
-    tolerance = 8.0 * spread + 1e-6 if redundancy > 0 else SAME
+    # Rotations of three-point solutions closer than this are one.
+    tolerance = 8.0 * spread + 1e-6 if redundancy > 0 else 1e-4
     kept: list[Pose] = []
     for rival in rivals:
         if all(np.linalg.norm(rival.rotation - other.rotation) > tolerance for other in (pose, *kept)):
@@ -225,7 +222,8 @@ def _covariance(bundle: Bundle, points: FloatArray, pose: Pose) -> FloatArray:
 
 def _outcome(bundle: Bundle, points: FloatArray, agreeing: BoolArray, poses: list[Pose]) -> ResectionOutcome:
     """Return the outcome for the poses that fit, the best first."""
-    if np.sum(agreeing) < max(3, HALF * len(points)):
+    # Part of the points that must agree.
+    if np.sum(agreeing) < max(3, 0.5 * len(points)):
         return ResectionOutcome.DOES_NOT_FIT
     weak = any(_is_weak(bundle.take(agreeing), points[agreeing], pose) for pose in poses)
     if len(poses) > 1:
@@ -251,16 +249,6 @@ def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
 # 331–356). u follows from the third law, so that no difference of angles is divided by; every solution is
 # refined on the three laws themselves.
 
-REAL = 1e-3
-"""Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs)."""
-NEARLY_REAL = 0.15
-"""The same where measuring errors, not rounding, may have parted a double root."""
-NEARLY_HOLDS = 1e-2
-"""Misclosure of the cosine laws, relative to the largest side squared, of the real part of such a root."""
-HOLDS = 1e-9
-"""Misclosure of the cosine laws, relative to the largest side squared, of a solution."""
-REFINEMENTS = 4
-
 
 class ThreePointSolutions(NamedTuple):
     """Solutions of many samples."""
@@ -279,7 +267,8 @@ def resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolut
     Up to four per sample. Collinear points, or two equal ones, leave none or senseless ones; on the dangerous
     cylinder (through the points, upright on their plane) two of them fall together.
     """
-    return _resected(points, rays, REAL, 0.0)
+    # Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs).
+    return _resected(points, rays, 1e-3, 0.0)
 
 
 def nearly_resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolutions:
@@ -287,7 +276,9 @@ def nearly_resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePoi
 
     Near the dangerous cylinder that is the place where the rays fit best, a start for an adjustment.
     """
-    return _resected(points, rays, NEARLY_REAL, NEARLY_HOLDS)
+    # The same where measuring errors, not rounding, may have parted a double root.
+    # Misclosure of the cosine laws, relative to the largest side squared, of the real part of such a root.
+    return _resected(points, rays, 0.15, 1e-2)
 
 
 def _resected(points: FloatArray, rays: FloatArray, imaginary: float, misclosure: float) -> ThreePointSolutions:
@@ -368,7 +359,8 @@ def _distances(
     sample, distances, fit = sample[near], distances[near], fit[near]
     refined = _refined(distances, sides[sample], cosines[sample])
     fit_refined = np.max(np.abs(_laws(refined, sides[sample], cosines[sample])), axis=1)
-    holds = fit_refined < HOLDS * np.max(np.maximum(sides[sample], np.abs(refined)), axis=1) ** 2
+    # Misclosure of the cosine laws, relative to the largest side squared, of a solution.
+    holds = fit_refined < 1e-9 * np.max(np.maximum(sides[sample], np.abs(refined)), axis=1) ** 2
     keep = holds | (fit < misclosure * np.max(sides[sample], axis=1) ** 2)
     return _without_repeats(sample[keep], np.where(holds[:, None], refined, distances)[keep])
 
@@ -380,7 +372,7 @@ def _laws(s: FloatArray, sides: FloatArray, cosines: FloatArray) -> FloatArray:
 
 
 def _refined(s: FloatArray, sides: FloatArray, cosines: FloatArray) -> FloatArray:
-    for _ in range(REFINEMENTS):
+    for _ in range(4):
         jacobian = np.zeros((len(s), 3, 3))
         for law, (i, j) in enumerate(((1, 2), (0, 2), (0, 1))):
             jacobian[:, law, i] = 2.0 * (s[:, i] - s[:, j] * cosines[:, law])
@@ -425,17 +417,10 @@ SAMPLES = 80
 """Three-point samples at the most; all triples are taken where they are not more."""
 BATCH = 10
 """Samples that are drawn before it is asked whether more are needed."""
-MISSED = 1e-6
-"""Probability, at the share of points that agree with the best sample, that all samples had a wrong point."""
-SEEDS = 6
-"""Best solutions that are refined."""
 TRUNCATION = 12.0
 """Residual v/σ at which a point stops counting while samples are compared."""
 AGREES = 4.5
 """Length of the residual v/σ (two coordinates) up to which a point agrees."""
-ROUNDS = 10
-LINE = 1e-6
-"""Width of a field of points, relative to its length, below which it is a line."""
 
 
 def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
@@ -463,7 +448,8 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
         costs.append(_truncated(bundle, points, fresh))
         # Of the points that agree, each counts the less the worse it does.
         share = 1.0 - min(float(own.min(initial=np.inf)) for own in costs) / (len(points) * TRUNCATION**2)
-        if share > 0.0 and (1.0 - share**3) ** drawn < MISSED:
+        # Probability, at the share of points that agree with the best sample, that all samples had a wrong point.
+        if share > 0.0 and (1.0 - share**3) ** drawn < 1e-6:
             break
     seeds = _apart([poses[index] for index in np.argsort(np.concatenate(costs), kind="stable")])
     refined = [_settled(bundle, points, pose) for pose in seeds]
@@ -479,7 +465,8 @@ def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
         return ResectionOutcome.INVALID
     extensions = rotations.singular_values(points - points.mean(axis=0))
     thin = rotations.singular_values(bundle.directions)[2] / np.sqrt(len(points))
-    if extensions[1] <= LINE * extensions[0] or thin < 3.0 * bundle.noise:
+    # Width of a field of points, relative to its length, below which it is a line.
+    if extensions[1] <= 1e-6 * extensions[0] or thin < 3.0 * bundle.noise:
         return ResectionOutcome.COLLINEAR
     return None
 
@@ -508,14 +495,15 @@ def _apart(poses: list[Pose]) -> list[Pose]:
     for pose in poses:
         if all(np.linalg.norm(pose.rotation - other.rotation) > 0.02 for other in kept):
             kept.append(pose)
-        if len(kept) == SEEDS:
+        # Best solutions that are refined.
+        if len(kept) == 6:
             break
     return kept
 
 
 def _settled(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[Pose, BoolArray] | None:
     agreeing = _agreeing(bundle, points, pose, 2.0 * TRUNCATION)
-    for _ in range(ROUNDS):
+    for _ in range(10):
         if np.sum(agreeing) < min(len(points), 4):
             return None
         pose = adjust_pose(bundle.take(agreeing), points[agreeing], pose)

@@ -324,13 +324,6 @@ def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArra
 # differences, and bases of stereo pairs that are given. What nothing else levels is turned at last so that height
 # differences fit.
 
-WEAKEST = 0.02
-"""Extension of height differences across their main direction, relative to that along, from which they level a part."""
-ALIKE = 3.0
-"""Factor of the misfits up to which two verticals fit alike."""
-DISAGREEMENT = 0.05
-"""Relative misfit beyond which height differences and points do not belong together."""
-
 
 def level_and_scale(part: Part, scene: Scene) -> bool:
     """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
@@ -396,7 +389,9 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     if not part.scaled:
         factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
     cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
-    alike = up[cost <= max(ALIKE**2 * float(cost.min()), (DISAGREEMENT * float(np.linalg.norm(dz))) ** 2)]
+    # Factor of the misfits up to which two verticals fit alike.
+    # Relative misfit beyond which height differences and points do not belong together.
+    alike = up[cost <= max(3.0**2 * float(cost.min()), (0.05 * float(np.linalg.norm(dz))) ** 2)]
     best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
     for _ in range(20 if part.scaled else 0):
         across = difference - np.outer(difference @ best, best)
@@ -471,7 +466,9 @@ def _scale(part: Part, scene: Scene) -> bool:
     together = np.concatenate(ratios)
     if len(together) == 0 and part.levelled:
         difference, dz = _between_known(part, scene.level_lines)
-        steep = np.abs(difference[:, 2]) > WEAKEST * np.linalg.norm(difference, axis=1)
+        # Extension of height differences across their main direction, relative to that along, from which they level a
+        # part.
+        steep = np.abs(difference[:, 2]) > 0.02 * np.linalg.norm(difference, axis=1)
         together = dz[steep] / difference[steep, 2]
         together = together[together > 0.0]
     if len(together) == 0:

@@ -23,15 +23,8 @@ from mor.types import FloatArray, IntArray
 
 # ---- Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
 
-PAIRS_TRIED = 24
 LOOKED_AT = 96
 """Pairs whose parallaxes are compared before any is oriented."""
-GOOD_ENOUGH = 15.0
-"""Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
-GOOD_SHARE = 0.25
-"""The same in parts of the most points that two frames have in common."""
-DOUBTFUL, MOST = 2e-3, 0.9
-"""Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
 WINDOW = 64
 """Rays of a point among which frames are paired."""
 FEWEST_COMMON = 8
@@ -86,9 +79,11 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, po
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
-    enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
+    # Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for.
+    # The same in parts of the most points that two frames have in common.
+    enough = min(15.0, 0.25 * int(pairs.common[both].max()))
     for tried, (i, j) in enumerate(by_parallax(frames, first, second, pairs.common[both])):
-        if tried >= PAIRS_TRIED and oriented:
+        if tried >= 24 and oriented:
             break
         found = _oriented(frames, i, j, points)
         if isinstance(found, Phrase):
@@ -178,7 +173,8 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     part.poses[j] = (orientation.base, orientation.rotation)
     names: dict[str, str | int] = {"one": frames[i].name, "other": frames[j].name, "count": count}
     part.began = rule("relative orientation of {one} and {other}, {count} points", **names)
-    if slack >= DOUBTFUL or count < MOST * len(at_i):
+    # Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet.
+    if slack >= 2e-3 or count < 0.9 * len(at_i):
         part.began = rule(
             "relative orientation of {one} and {other}, {count} points (only {count} of {of} pairs of rays meet within "
             "{slack} mrad: camera constant, distortion or identities may be wrong)",
@@ -230,11 +226,6 @@ def _with_least_slack(
 # Five to seven common points, points in a plane and weak pairs leave several orientations, or one of which σ does not
 # hold. Each is tried: the part that grows from it is judged by the rays that agree with it.
 
-DOUBTFUL_PAIRS_TRIED = 8
-FRAMES_TRIED = 4
-"""Frames by which a part is grown before it is judged."""
-TRUNCATION = 5.0
-"""σ from which on a ray speaks for nothing."""
 
 Grow = Callable[[Part, int], object]
 """Grows a part by a number of frames."""
@@ -251,10 +242,11 @@ def seed_doubtful(scene: Scene, among: IntArray, pairs: FramePairs, grow: Grow) 
     best: tuple[float, Part | None] = (0.0, None)
     several: list[tuple[float, Part]] = []
     ordered = by_parallax(frames, pairs.first[both], pairs.second[both], pairs.common[both])
-    for i, j in ordered[:DOUBTFUL_PAIRS_TRIED]:
+    for i, j in ordered[:8]:
         judged: list[tuple[float, Part]] = []
         for part in _candidates(scene, i, j):
-            grow(part, FRAMES_TRIED)
+            # Frames by which a part is grown before it is judged.
+            grow(part, 4)
             judged.append((support(part, scene.rays_for(part)[0]), part))
         judged.sort(key=lambda one: -one[0])
         controlled = len(common_rays(frames[i], frames[j])[0]) > FITTING_FEWEST
@@ -308,7 +300,8 @@ def support(part: Part, frames: Sequence[Frame]) -> float:
         star = star @ D.T
         star /= np.linalg.norm(star, axis=1, keepdims=True)
         off = np.linalg.norm(star - frame.rays[known], axis=1) / loosened(frame.sigma[known], part.slack)
-        total += float(np.sum(np.maximum(TRUNCATION**2 - off**2, 0.0)))
+        # σ from which on a ray speaks for nothing.
+        total += float(np.sum(np.maximum(5.0**2 - off**2, 0.0)))
     return total
 
 
@@ -421,12 +414,8 @@ def _unit_base(part: Part, point: int, direction: float) -> None:
 
 # ---- Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
 
-FEWEST = 6
-"""Points that three bundles in the plane have to share: five leave nothing over that could tell shapes apart."""
 SAMPLE = 30
 """Points and stations at the most that the shape is worked out from."""
-CLEARLY = 3.0
-"""How many times as far the rays of another shape have to pass by for it to be out of the question."""
 SIGMA = 1e-5
 """Radians; a measure for free stations, which cancels when two shapes are compared."""
 
@@ -450,7 +439,8 @@ def seed_plan(
         return None, rule(
             "directions of {one}, {two} and {three}: no solution in plan has all points in front", **names
         )
-    if len(ranked) > 1 and ranked[1][0] < CLEARLY * ranked[0][0]:
+    # How many times as far the rays of another shape have to pass by for it to be out of the question.
+    if len(ranked) > 1 and ranked[1][0] < 3.0 * ranked[0][0]:
         return None, rule("directions of {one}, {two} and {three}: two solutions in plan fit equally well", **names)
     return _seed_plan_part(chosen, sights, common, shapes[ranked[0][1]], points), None
 
@@ -471,7 +461,8 @@ def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | Non
     """The three sets with most points in common, ``None`` where none share enough."""
     seen = {number: set(_seen(measured.sights[number]).tolist()) for number in sets}
     best = max(combinations(sets, 3), key=lambda three: len(set.intersection(*(seen[n] for n in three))), default=())
-    return best if best and len(set.intersection(*(seen[n] for n in best))) >= FEWEST else None
+    # Points that three bundles in the plane have to share: five leave nothing over that could tell shapes apart.
+    return best if best and len(set.intersection(*(seen[n] for n in best))) >= 6 else None
 
 
 def _seen(sight: LevelledSet) -> IntArray:

@@ -199,13 +199,6 @@ def _of_group(group: ObservationGroup, start: Mapping[str, FloatArray]) -> tuple
 # Bearings t = atan2(ΔX, ΔY) run clockwise from +Y. A set of directions r has an orientation κ, r = t + κ.
 # Vertical directions v are positive upwards; of a zenith angle z it is v = π/2 − z. All angles in radians.
 
-POLAR_AGREES = 0.05
-"""Radians up to which sights agree: places may be rough."""
-CANDIDATES = 100
-"""Sights of which the orientation of a set may be that of one."""
-SAME = 1e-9
-"""Mean absolute differences (radians) that are the same."""
-
 
 class Orientation(NamedTuple):
     """Orientation of a set of directions."""
@@ -238,17 +231,18 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
     if not len(differences):
         return Orientation(float("nan"), differences)
     units = np.exp(1j * differences)
-    candidates = units[np.linspace(0, len(units) - 1, min(len(units), CANDIDATES)).astype(int)]
+    # Sights of which the orientation of a set may be that of one.
+    candidates = units[np.linspace(0, len(units) - 1, min(len(units), 100)).astype(int)]
     apart = np.abs(np.angle(candidates[:, None] * units.conj())).sum(axis=1)
-    median = candidates[apart <= apart.min() + SAME * len(units)].mean()
-    near = np.abs(np.angle(units * np.conj(median))) <= POLAR_AGREES
+    # Mean absolute differences (radians) that are the same.
+    median = candidates[apart <= apart.min() + 1e-9 * len(units)].mean()
+    # Radians up to which sights agree: places may be rough.
+    near = np.abs(np.angle(units * np.conj(median))) <= 0.05
     kappa = float(np.angle(units[near].mean() if near.any() else median))
     return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()))
 
 
 # ---- Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical.
-
-KEYS = ("directions", "zenith_directions")
 
 
 class DirectionSet(NamedTuple):
@@ -270,7 +264,9 @@ class DirectionSet(NamedTuple):
 
 def direction_sets(network: Network) -> list[DirectionSet]:
     """All sets of a network, in the order of their rotation blocks; rows of one set may stand in several tables."""
-    groups = [group for group in network.groups if group.type.key in KEYS and group.count]
+    groups = [
+        group for group in network.groups if group.type.key in ("directions", "zenith_directions") and group.count
+    ]
     if not groups:
         return []
     blocks = [np.concatenate([group.blocks[slot] for group in groups]).astype(np.int64) for slot in range(5)]
@@ -334,9 +330,6 @@ def frame_verticals(network: Network) -> FloatArray:
 
 # ---- Levelled sights of a network: sets of directions, angles and bearings, and the lengths between positions.
 
-UPRIGHT = 1.0 - 1e-5
-"""Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
-
 
 class LevelledSet(NamedTuple):
     """A levelled set at one position: directions r = t + κ clockwise, vertical directions; NaN where there is none."""
@@ -385,6 +378,7 @@ def terrestrial(network: Network) -> Terrestrial:
     """Sights and lengths of a network."""
     up = frame_verticals(network)
     heights = network.start["height"][:, 0]
+    # Cosine of the tilt up to which an instrument counts as levelled (0.3 gon).
     sights = [
         LevelledSet(
             one.name,
@@ -398,7 +392,7 @@ def terrestrial(network: Network) -> Terrestrial:
             one.vertical,
         )
         for one in direction_sets(network)
-        if up[one.rotation, 2] > UPRIGHT
+        if up[one.rotation, 2] > (1.0 - 1e-5)
     ]
     for group in network.groups:
         if group.type.key == "angle":

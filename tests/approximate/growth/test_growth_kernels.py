@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mor.model.rotations import rotate
-from mor.start.bundle import direction_bundle, image_bundle
+from mor.start.bundle import direction_bundle
 from mor.start.intersection import meet, meet_plainly, posed_frames
 from mor.start.local_adjustment import settle
 from mor.start.part import Frame, empty_part, sightings
