@@ -37,8 +37,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 _LEAST_SINGULAR = 1e-6
 """Part of the largest singular value, columns of one size, at which equations leave something open."""
-_SWAY, _TILT, _CLIMB = 0.01, 0.05, 0.05
-"""σ in radians of a ray, for a flight sways, and of tilts; σ of the climb as a part of the speed."""
 _FITS = 0.1
 """Radians (rms) by which rays may pass their points."""
 
@@ -124,7 +122,9 @@ def _in_plan(sights: TimedRays) -> Flight | None:
 
 def _tilted(sights: TimedRays, flight: Flight) -> Flight | None:
     """Gauss and Newton's method: the rays pass their points as near as may be, tilts and climb are near 0."""
-    level, climb = flight.rotation, _CLIMB * max(float(np.linalg.norm(flight.velocity)), 1e-9)
+    # σ in radians of a ray, for a flight sways, and of tilts; that of the climb is a part of the speed.
+    sway, tilting = 0.01, 0.05
+    level, climb = flight.rotation, 0.05 * max(float(np.linalg.norm(flight.velocity)), 1e-9)
     tilt, left = np.zeros(3), np.inf
     place, velocity = flight.place, flight.velocity
     for _ in range(8):
@@ -141,9 +141,9 @@ def _tilted(sights: TimedRays, flight: Flight) -> Flight | None:
         by_place = -by_q @ D
         design = np.concatenate([by_place, by_place * since[:, None, None], by_q @ cross_matrix(q)], axis=2)
         known = np.zeros((3, 9))
-        known[0, 6], known[1, 7], known[2, 5] = 1.0 / _TILT, 1.0 / _TILT, 1.0 / climb
-        rows = np.concatenate([design.reshape(-1, 9) / _SWAY, known])
-        misses = np.concatenate([-wrong.ravel() / _SWAY, -tilt[:2] / _TILT, [-velocity[2] / climb]])
+        known[0, 6], known[1, 7], known[2, 5] = 1.0 / tilting, 1.0 / tilting, 1.0 / climb
+        rows = np.concatenate([design.reshape(-1, 9) / sway, known])
+        misses = np.concatenate([-wrong.ravel() / sway, -tilt[:2] / tilting, [-velocity[2] / climb]])
         step = _solved(rows, misses)
         if step is None:
             return None
@@ -181,9 +181,6 @@ def _rms(wrong: FloatArray) -> float:
 # beside the truth.
 
 
-_FROM_NOWHERE = "seen from trajectories without start values at that time"
-
-
 def along_trajectories(network: Network) -> Network:
     """The network with start values for knots, images on trajectories and points that these see."""
     if not network.trajectories:
@@ -216,12 +213,13 @@ def seen_along_trajectories(
     network: Network, missing: tuple[UndeterminedObject, ...]
 ) -> tuple[UndeterminedObject, ...]:
     """Name what has no start value, and the rays to a point from trajectories whose start values are missing."""
+    reason = "seen from trajectories without start values at that time"
     rows: Counter[str] = Counter()
     for group in network.groups:
         if is_along(group.type) and is_image_point(group.type):
             rows.update(group.references[-1])
     return tuple(
-        one._replace(reason=_FROM_NOWHERE, observations=rows[one.name])
+        one._replace(reason=reason, observations=rows[one.name])
         if one.kind == "point" and not one.observations and rows[one.name]
         else one
         for one in missing

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations as tolerant
-from mor.model.contract import ObservationGroup, some_rows
+from mor.model.contract import ObservationGroup, ObservationType, some_rows
 from mor.model.coordinates import OBSERVED_PARAMETERS
 from mor.model.earth import Horizon
 from mor.model.geodetic import in_object_axes
@@ -397,10 +397,6 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 TRIES = 20
 """Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
-_DRAWN = frozenset(("point", "rotation", "scale"))
-"""Kinds of blocks that have random start values."""
-_ANYWHERE = 0.05
-"""Weight of a random place against that of a ray."""
 
 
 class _End(NamedTuple):
@@ -417,11 +413,14 @@ def from_random_places(network: Network, scene: Scene, found: Approximation, set
     # Observations of a network up to which it is tried.
     if (
         network.observations > 1_000
-        or not kinds <= _DRAWN
+        or not kinds <= {"point", "rotation", "scale"}
         or any(feature.type == "line" for feature in network.project.features)
         or not _asks(network, found)
     ):
         return None
+    words = (
+        "random positions: {ends} of {tries} adjustments from such positions led to a solution, two of them to this one"
+    )
     random = np.random.default_rng(network.observations)
     ends: list[_End] = []
     with np.errstate(all="ignore"):  # from some places numbers grow beyond all bounds
@@ -437,14 +436,9 @@ def from_random_places(network: Network, scene: Scene, found: Approximation, set
             if any(_same(end, other) for other in ends) and not any(
                 other.squares < end.squares and not _same(other, end) for other in ends
             ):
-                return _with(network, found, end, rule(_WORDS, ends=len(ends) + 1, tries=tries))
+                return _with(network, found, end, rule(words, ends=len(ends) + 1, tries=tries))
             ends.append(end)
     return None
-
-
-_WORDS = (
-    "random positions: {ends} of {tries} adjustments from such positions led to a solution, two of them to this one"
-)
 
 
 def _asks(network: Network, found: Approximation) -> bool:
@@ -528,8 +522,9 @@ def _any_attitude(random: np.random.Generator) -> FloatArray:
 
 def _nearest_to_rays(scene: Scene, points: FloatArray, rotations: FloatArray, anywhere: FloatArray) -> FloatArray:
     """Places (n, 3) nearest to the rays of all frames, and a little to ``anywhere``, where no ray goes altogether."""
-    normal = _ANYWHERE * np.tile(np.eye(3), (len(points), 1, 1))
-    side = _ANYWHERE * anywhere
+    little = 0.05
+    normal = little * np.tile(np.eye(3), (len(points), 1, 1))
+    side = little * anywhere
     for frame in scene.frames:
         along = frame.rays @ rotations[frame.rotation]
         across = np.eye(3) - along[:, :, None] * along[:, None, :]
@@ -541,9 +536,6 @@ def _nearest_to_rays(scene: Scene, points: FloatArray, rotations: FloatArray, an
 # ---- Observations on the earth, as start values take them: in the object system, as if verticals were parallel.
 #
 # Over 10 km heights are wrong by some metres then, over 100 km by a few hundred: near enough to begin from.
-
-_NEUTRAL = 0
-"""Block of the height that nothing has."""
 
 
 def to_plane(network: Network) -> Network:
@@ -615,13 +607,13 @@ def _bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
 
 def _level_bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     start, end = group.blocks
-    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
+    flat = np.zeros(group.count, dtype=np.int64)  # the block of the height that nothing has
     return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
 
 
 def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     start, end, meter = group.blocks
-    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
+    flat = np.zeros(group.count, dtype=np.int64)  # the block of the height that nothing has
     return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
 
 
@@ -654,22 +646,22 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
 
 # ---- Observations to projection centres, as start values take them: as to the places of the images.
 
-_PLAIN_OF = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES.items()}
-
 
 def to_places(network: Network) -> Network:
     """Return the network with plain observations instead of those of projection centres.
 
     An eccentricity is left to the adjustment; of a stereo follower the place is that of its leader, so its rows go.
     """
-    if not any(group.type.key in _PLAIN_OF for group in network.groups):
+    plain = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES.items()}
+    if not any(group.type.key in plain for group in network.groups):
         return network
-    groups = tuple(_plain(network, group) if group.type.key in _PLAIN_OF else group for group in network.groups)
+    groups = tuple(
+        _plain(network, group, plain[group.type.key]) if group.type.key in plain else group for group in network.groups
+    )
     return replace(network, groups=groups)
 
 
-def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
-    plain = _PLAIN_OF[group.type.key]
+def _plain(network: Network, group: ObservationGroup, plain: ObservationType) -> ObservationGroup:
     stands = np.ones(group.count, dtype=bool)
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
         if slot.kind == "base":
@@ -696,10 +688,6 @@ OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
 FEW = 1_000
 """Observations from which fewer are tried, in inverse proportion, one at least."""
-_ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
-"""Types of observations that determine how the network is turned."""
-_TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
-"""Types of observations that stay the same in any turn of the network; an image type is ``image/…``."""
 
 
 def approximate(network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED) -> Approximation:
@@ -757,10 +745,12 @@ def _left_free(network: Network) -> tuple[FreeRotation, bool]:
     """Return the turns that the observations leave free, and whether they determine the size."""
     types = [group.type for group in network.groups]
     keys = {type_.key for type_ in types}
-    if keys & _ORIENTING:
+    if keys & {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}:
         turn = FreeRotation.NONE
     else:
-        turn = FreeRotation.ANY if all(key.split("/")[0] in _TURNING for key in keys) else FreeRotation.VERTICAL
+        # These stay the same in any turn of the network; an image type is ``image/…``.
+        turning = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
+        turn = FreeRotation.ANY if {key.split("/")[0] for key in keys} <= turning else FreeRotation.VERTICAL
     scaled = any(component.quantity.length for type_ in types for component in type_.components)
     return turn, scaled
 

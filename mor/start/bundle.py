@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, wraps
+from itertools import combinations
+from math import comb
 from typing import NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
@@ -15,7 +17,41 @@ from mor.model import rotations
 from mor.model.cameras import CameraModel
 from mor.types import BoolArray, FloatArray, IntArray
 
+Rows = TypeVar("Rows", FloatArray, IntArray)
+
+# ---- How well alternatives fit.
+
+AS_GOOD = 25.0
+"""Σ (v/σ)² by which another solution may be worse and still count as fitting equally well (5 σ)."""
+BY_ITSELF = 2.9e-7
+"""Probability that errors alone lead beyond 5 σ, on one side."""
+
+
+def evenly(rows: Rows, most: int) -> Rows:
+    """Return the rows, ``most`` of them evenly spread if they are more."""
+    return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
+
+
+def samples(count: int, size: int, most: int, batch: int, random: np.random.Generator) -> Iterator[IntArray]:
+    """Batches (k, size) of samples of ``count`` rows, ``most`` in all: every sample, where these are not more."""
+    if comb(count, size) > most:
+        for _ in range(0, most, batch):
+            yield np.stack([random.permutation(count)[:size] for _ in range(batch)]).astype(np.int64)
+        return
+    every = random.permutation(np.array(list(combinations(range(count), size)), dtype=np.int64))
+    for first in range(0, len(every), batch):
+        yield every[first : first + batch]
+
+
 # ---- Vectors of three components, many at a time.
+
+
+def sphere(count: int) -> FloatArray:
+    """Unit vectors (count, 3) spread evenly, from +Z to −Z: equal steps in height, the golden angle in between."""
+    k = np.arange(count) + 0.5
+    z, around = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
+    flat = np.sqrt(1.0 - z**2)
+    return np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -192,28 +228,24 @@ Given = ParamSpec("Given")
 Found = TypeVar("Found")
 
 
-def remembered(most: int) -> Callable[[Callable[Given, Found]], Callable[Given, Found]]:
-    """Decorate a pure function of arrays and hashable values; keep its last ``most`` results.
+def remembered(function: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Decorate a pure function of arrays and hashable values; keep its last 512 results.
 
     Callers share the results and must not change them.
     """
+    known: OrderedDict[Hashable, Found] = OrderedDict()
 
-    def decorate(function: Callable[Given, Found]) -> Callable[Given, Found]:
-        known: OrderedDict[Hashable, Found] = OrderedDict()
+    @wraps(function)
+    def cached(*args: Given.args, **kwargs: Given.kwargs) -> Found:
+        key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
+        if key not in known:
+            known[key] = function(*args, **kwargs)
+            if len(known) > 512:
+                known.popitem(last=False)
+        known.move_to_end(key)
+        return known[key]
 
-        @wraps(function)
-        def cached(*args: Given.args, **kwargs: Given.kwargs) -> Found:
-            key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
-            if key not in known:
-                known[key] = function(*args, **kwargs)
-                if len(known) > most:
-                    known.popitem(last=False)
-            known.move_to_end(key)
-            return known[key]
-
-        return cached
-
-    return decorate
+    return cached
 
 
 def _hashable(value: object) -> Hashable:
@@ -224,7 +256,6 @@ def _hashable(value: object) -> Hashable:
 
 # ---- From measured image coordinates back to rays, through any camera model.
 
-_CHUNK = 5000
 _FAR = 2.0**20
 """Distance of the points on rays; a power of 2 changes no digit of a central projection."""
 
@@ -244,8 +275,8 @@ def ideal_rays(
     """
     rays = np.empty((len(measured), 3))
     # Some thousand rays at a time stay in the cache, and ten million do not fill the memory with derivatives.
-    for first in range(0, len(measured), _CHUNK):
-        chosen = slice(first, first + _CHUNK)
+    for first in range(0, len(measured), 5000):
+        chosen = slice(first, first + 5000)
         rays[chosen] = _chunk_of_rays(model, interior[of[chosen]], constants[chosen], measured[chosen])
     return rays
 

@@ -13,7 +13,7 @@ import scipy.sparse
 from scipy.sparse.csgraph import shortest_path
 
 from mor.model import rotations
-from mor.start.bundle import congruence, principal_rows
+from mor.start.bundle import AS_GOOD, congruence, principal_rows
 from mor.start.sights import bearing, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -86,7 +86,6 @@ class PlaneIntersection(NamedTuple):
 
 SMALLEST_ANGLE = 1e-4
 """Angle in radians below which bearings are parallel and arcs touch."""
-REFINEMENTS = 20
 
 
 def bearing_section(stations: FloatArray, bearings: FloatArray) -> PlaneIntersection:
@@ -105,7 +104,7 @@ def bearing_section(stations: FloatArray, bearings: FloatArray) -> PlaneIntersec
     centre = stations.mean(axis=0)
     offset = np.einsum("ni,ni->n", across, stations - centre)
     point = centre + rotations.lstsq(across, offset, rcond=None)
-    for _ in range(REFINEMENTS if len(t) > 2 else 0):
+    for _ in range(20 if len(t) > 2 else 0):
         ranges = np.maximum(np.linalg.norm(point - stations, axis=1), 1e-12)
         step = rotations.lstsq(
             across / ranges[:, None], -np.einsum("ni,ni->n", across, point - stations) / ranges, rcond=None
@@ -197,7 +196,7 @@ def misclosures_of_bearings(stations: FloatArray, bearings: FloatArray, point: F
 
 
 def _refined_arc(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
-    for _ in range(REFINEMENTS):
+    for _ in range(20):
         offset = point - stations
         ranges = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)
         step = -rotations.lstsq(offset / ranges[:, None], ranges - d, rcond=1e-9)
@@ -218,11 +217,6 @@ def _none(outcome: SectionOutcome) -> PlaneIntersection:
 # solution, and where it has two, the points and the station lie on one circle, the dangerous one. Two
 # distances give two stations (arc section), direction and distance together a congruence. Every seed is
 # refined with all that was measured; what then fits alike is ambiguous.
-
-SEED_PAIRS = 30
-"""Combinations of points that seeds are taken from."""
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another station may be worse and still fit as well (5 σ)."""
 
 
 class StationOutcome(Enum):
@@ -330,11 +324,11 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
         seeds.append((position, kappa))
     if len(both) > 2:
         return seeds
-    for i, j in list(combinations(measured, 2))[:SEED_PAIRS]:
+    for i, j in list(combinations(measured, 2))[:30]:
         for position in arc_section(points[[i, j]], observed[[i, j], 1]).points:
             seeds.append((position, _kappa(points, observed, position)))
-    for i in both[:SEED_PAIRS]:
-        for j in sighted[sighted != i][:SEED_PAIRS]:
+    for i in both:
+        for j in sighted[sighted != i][:30]:
             seeds.extend(_side_side_angle(points, observed, int(i), int(j)))
     return seeds
 
@@ -430,9 +424,6 @@ def _no_station(outcome: StationOutcome, count: int) -> FreeStation:
 # structure and motion problem for 1D retinal vision"), which only a fourth one, or a point behind a station,
 # tells apart.
 
-STEPS = 60
-"""Orientations over the half circle of either bundle that the search begins with."""
-
 
 class PlanShape(NamedTuple):
     """Stations (3, 2) with the first at the origin, κ (3,) with r = t + κ and 0 for the first, points (n, 2)."""
@@ -450,7 +441,7 @@ def three_bundles(directions: FloatArray) -> list[PlanShape]:
     Only those with every point in front of every station. The farther of the other two stations is at the distance 1.
     """
     r = np.asarray(directions, dtype=float)
-    grid = (np.arange(STEPS) + 0.5) * np.pi / STEPS
+    grid = (np.arange(60) + 0.5) * np.pi / 60
     b, c = np.meshgrid(grid, grid, indexing="ij")
     values, vectors = rotations.eigh(_normals(r, b, c))
     least = values[..., 0]
@@ -522,10 +513,8 @@ def _intersected(stations: FloatArray, t: FloatArray) -> FloatArray:
 # wanted one. Several beginnings, the first by classical scaling of the shortest paths (W. S. Torgerson,
 # Psychometrika 17 (1952)), tell whether the distances leave more than one shape; mirrored ones count as one.
 
-BEGINNINGS = 16
 PRECISE = 1.5
 """Root mean square of the residuals in units of σ up to which a shape is as good as the distances."""
-_EXTRA = 2
 
 
 @dataclass(frozen=True)
@@ -566,15 +555,15 @@ def _shapes(lengths: PointDistances, dimension: int) -> list[tuple[float, FloatA
     """Shapes that fit, with the root mean squares of their residuals in units of σ."""
     draw = np.random.default_rng(1)
     shapes: list[tuple[float, FloatArray]] = []
-    for number in range(BEGINNINGS):
-        random = draw.standard_normal((lengths.count, dimension + _EXTRA))
-        found = _pressed(lengths, random if number else _scaling(lengths, dimension + _EXTRA), dimension)
+    for number in range(16):
+        random = draw.standard_normal((lengths.count, dimension + 2))
+        found = _pressed(lengths, random if number else _scaling(lengths, dimension + 2), dimension)
         off = _residuals(lengths, found)
         # Root mean square of the residuals, in parts of the mean distance, up to which a shape fits.
         if np.sqrt(np.mean(off**2)) < 0.01:
             shapes.append((float(np.sqrt(np.mean((off / np.maximum(lengths.sigma, 1e-9)) ** 2))), found))
         # Shapes within the precision of the distances after which no other is looked for.
-        if sum(misfit < PRECISE for misfit, _ in shapes) == 4 or (number == BEGINNINGS // 3 and not shapes):
+        if sum(misfit < PRECISE for misfit, _ in shapes) == 4 or (number == 5 and not shapes):
             break
     return shapes
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import combinations
-from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +10,7 @@ from scipy.special import chdtri
 
 from mor.model import rotations
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
-from mor.start.bundle import Bundle, cross
+from mor.start.bundle import AS_GOOD, BY_ITSELF, Bundle, cross, samples
 from mor.start.killian import COLLINEAR, BundleRotation, fit_homography, fit_turn, solutions_of_homography, thickness
 from mor.start.relative_orientation import (
     Coplanarity,
@@ -35,16 +33,10 @@ from mor.start.relative_orientation import (
     nearest_rotation,
     sigma_hold,
 )
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray
 
 # ---- Judgement of adjusted relative orientations: front, fit, precision, ambiguity.
 
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
-BY_ITSELF = 2.9e-7
-"""Probability that a right orientation fits worse than is allowed by itself (5 σ)."""
-APART = 4.0
-"""Standard deviations beyond which two orientations are different ones."""
 BEHIND = 0.9
 """Part of the points that must lie in front of both bundles; the rest may be wrong pairs or far points."""
 SURE = 5.0
@@ -164,9 +156,9 @@ def _choice(a: Bundle, b: Bundle, judged: PairAssessment) -> tuple[Coplanarity, 
         for one, hidden in zip(fitting, behind, strict=True)
         if hidden <= min(behind)
         and one.objective <= as_good
-        and _distance(one, chosen) > ((1.0 if one.converged and chosen.converged else APART) * sigma + 1e-6)
+        and _distance(one, chosen) > ((1.0 if one.converged and chosen.converged else 4.0) * sigma + 1e-6)
     ]
-    return chosen, _one_each(rivals, APART * sigma)
+    return chosen, _one_each(rivals, 4.0 * sigma)
 
 
 def _one_each(rivals: list[Coplanarity], tolerance: float) -> list[Coplanarity]:
@@ -286,8 +278,6 @@ def _outcome(
 # the points lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
 
 MINIMUM = 8
-LOST = 2.9e-7
-"""Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
 
 
 class StartOrientation(NamedTuple):
@@ -394,7 +384,7 @@ def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry,
             for plane in planes
             if np.linalg.norm(plane.base) > 0.0
         ]
-    critical = float(np.sum(linear.singular_values[7:] ** 2)) < chdtri(2 * (len(a) - 7), LOST)
+    critical = float(np.sum(linear.singular_values[7:] ** 2)) < chdtri(2 * (len(a) - 7), BY_ITSELF)
     geometry = SceneGeometry.CRITICAL_SURFACE if critical else SceneGeometry.GENERAL
     corrected = compatible_unknowns(linear.ik, linear.normal).ik
     return geometry, [best_of_four(a, b, ik) for ik in (corrected, linear.ik)]
@@ -416,9 +406,7 @@ def facing(a: Bundle, b: Bundle, ik: FloatArray) -> tuple[StartOrientation, Bool
 
 def five_point_seeds(a: Bundle, b: Bundle) -> list[StartOrientation]:
     """Return the best orientations among those of fixed pseudo-random five-point samples."""
-    generator = np.random.default_rng(len(a))
-    # Five-point samples for seeds.
-    chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(30)])
+    chosen = next(samples(len(a), 5, 30, 30, np.random.default_rng(len(a))))
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
     # Best five-point seeds that are adjusted.
     return [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, 6)]
@@ -496,15 +484,10 @@ def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: Scene
 # 2000). The best set of agreeing pairs is adjusted and drawn again until it stands. The seed is fixed: same
 # input, same result.
 
-BATCH = 25
-MOST_BATCHES = 40
 TRUNCATION = 5.0
 """Residual v/σ at which a pair stops counting while samples are compared."""
 AGREES = 4.0
 """Residual v/σ up to which a pair agrees with an adjusted orientation."""
-FEW_POINTS, FEW_PART = 2, 0.05
-"""So many pairs, or such a part of them, off a plane do not decide between its orientations."""
-ROUNDS = 10
 
 
 class RobustOrientation(NamedTuple):
@@ -544,7 +527,7 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
     if found is None or np.sum(found) < max(MINIMUM, 0.5 * len(a)):
         return _nothing(everything, len(a), samples)
     orientation = relative_orientation(a.take(found), b.take(found))
-    for _ in range(ROUNDS):
+    for _ in range(10):
         if not orientation.outcome.usable:
             return RobustOrientation(orientation, found, np.full(len(a), np.nan), samples)
         now = _agreeing(a, b, orientation.base, orientation.rotation)
@@ -567,8 +550,8 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
 
     A wrong pair that happens to fit one of them would decide between them otherwise.
     """
-    plane = _plane_part(a, b)
-    few = max(FEW_POINTS, FEW_PART * len(a))
+    few = max(2, 0.05 * len(a))
+    plane = _plane_part(a, b, int(few))
     if orientation.outcome is not RelativeOutcome.DETERMINED or not 0 < np.sum(~plane) <= few:
         return orientation
     of_plane = relative_orientation(a.take(plane), b.take(plane))
@@ -580,9 +563,9 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
     return orientation._replace(outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others)
 
 
-def _plane_part(a: Bundle, b: Bundle) -> BoolArray:
+def _plane_part(a: Bundle, b: Bundle, few: int) -> BoolArray:
     kept = np.ones(len(a), dtype=bool)
-    for _ in range(int(max(FEW_POINTS, FEW_PART * len(a))) + 1):
+    for _ in range(few + 1):
         homography = fit_homography(a.take(kept), b.take(kept))
         if np.all(homography.residuals < AGREES):
             return kept
@@ -605,7 +588,7 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
     """Best unknowns over samples, drawn until one free of wrong pairs is all but certain."""
     best, best_cost = None, np.inf
     drawn = 0
-    for chosen in _samples(len(a), generator):
+    for chosen in samples(len(a), 5, 1000, 25, generator):
         drawn += len(chosen)
         unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
         if len(unknowns):
@@ -626,18 +609,6 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
     return best, drawn
 
 
-def _samples(rays: int, generator: np.random.Generator) -> Iterator[IntArray]:
-    """Batches (k, 5) of five different rays each; where there are few such fives, each of them once."""
-    most = MOST_BATCHES * BATCH
-    if comb(rays, 5) > most:
-        for _ in range(MOST_BATCHES):
-            yield np.stack([generator.permutation(rays)[:5] for _ in range(BATCH)])
-        return
-    every = generator.permutation(np.array(list(combinations(range(rays), 5)), dtype=np.int64))
-    for first in range(0, len(every), BATCH):
-        yield every[first : first + BATCH]
-
-
 def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> FloatArray:
     """Residuals truncated, those of points behind too: a plane bears unknowns that fit with half of it behind."""
     _, front = facing(a, b, ik)
@@ -654,7 +625,7 @@ def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
     """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a sample."""
     agreeing: BoolArray = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
     base, rotation = best_of_four(a.take(agreeing), b.take(agreeing), ik)
-    for _ in range(ROUNDS):
+    for _ in range(10):
         if np.sum(agreeing) < MINIMUM:
             return None
         chosen_a, chosen_b = a.take(agreeing), b.take(agreeing)

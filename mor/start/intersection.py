@@ -337,8 +337,6 @@ def _positive(a: float, b: float, c: float, d: float, e: float, f: float) -> boo
 
 SMALLEST_ANGLE = 0.02
 """Radians at which two rays must meet at least for an intersection to be of use."""
-ROUNDS = 3
-"""Rounds in which rays that pass by are taken out, or back in."""
 
 
 class PosedFrames(NamedTuple):
@@ -373,14 +371,14 @@ def meet(
     posed: PosedFrames,
     slack: float,
     smallest: float = SMALLEST_ANGLE,
-    rounds: int = ROUNDS,
+    rounds: int = 3,
 ) -> Meetings:
     """Intersect ``points`` (m,) by all rays from posed frames.
 
     Rays count as passing by beyond three times their σ, ``slack`` radians added; ``smallest`` is the least angle at
     which rays must meet. Closed form: the point of least sum of squared distances from the rays, each of them lowered
-    by the height of its target. A wrong ray may draw it away from all of them: where less than half agree, those do
-    that most pairs are for.
+    by the height of its target; in ``rounds`` rays that pass by are taken out, or back in. A wrong ray may draw it away
+    from all of them: where less than half agree, those do that most pairs are for.
     """
     if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
@@ -394,7 +392,7 @@ def meet_plainly(
     posed: PosedFrames,
     slack: float,
     smallest: float = SMALLEST_ANGLE,
-    rounds: int = ROUNDS,
+    rounds: int = 3,
 ) -> Meetings:
     """The same without a compiler: the readable form."""
     rays = seen.of_points(points)

@@ -18,7 +18,7 @@ from mor.model.terrestrial import HEIGHT_DIFFERENCE
 from mor.project.entities import thing_of
 from mor.project.network import Network
 from mor.project.shapes import Held, fit_shape
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, similarity
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, evenly, similarity
 from mor.start.intersection import posed_frames
 from mor.start.movement import OPEN, PRECISION, FreeRotation, Movement, Ties, movement
 from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose
@@ -37,15 +37,12 @@ from mor.units import ANGLE_UNITS
 # turn about more than one axis; a base that is short beside the network leaves T to the positions as well.
 # Both are tried.
 
-FEWEST = 3
-"""Followers whose leaders are known."""
-
 
 def tie_by_platform(target: Part, source: Part, scene: Scene) -> Movement | None:
     """The movement that a pair tells whose followers only the source knows, and whose leaders are given."""
     for pair in scene.pairs if target.given else ():
         followers = [n for n in pair.known if n in source.poses and n not in target.poses]
-        if len(followers) < FEWEST:
+        if len(followers) < 3:
             continue
         found = _tie(pair, followers, source)
         if found is not None:
@@ -112,11 +109,6 @@ def _with_turn(
 
 # ---- Join two parts where what ties them determines the movement between them.
 
-ALIKE = 3.0
-"""Factor of the misfits from which on a shape is told from its mirrored one."""
-MANY = 400
-"""Common points of which the movement is worked out, at the most."""
-
 
 def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> bool:
     """Carry ``source`` into the system of ``target``, which takes over what it knows; true where that was possible.
@@ -149,10 +141,11 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
     _mirror(loose)
     other = tie(target, source, scene)
     fit, mirrored = (np.inf if one is None or one.open else max(one.misfit, PRECISION) for one in (found, other))
-    if mirrored * ALIKE < fit:
+    # A shape is told from its mirrored one where it misfits three times less.
+    if mirrored * 3.0 < fit:
         return other
     _mirror(loose)
-    if fit * ALIKE < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
+    if fit * 3.0 < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
         return found
     return found._replace(alternatives=(*found.alternatives, found.similarity))
 
@@ -263,8 +256,8 @@ def _common_points(target: Part, source: Part, scene: Scene, both: bool) -> tupl
     known = ours & theirs if both else theirs & np.asarray(ours.all(axis=1))[:, None]
     rows = np.flatnonzero(known.any(axis=1))
     full = rows[known[rows].all(axis=1)]
-    if len(full) > MANY:
-        rows = full[np.linspace(0, len(full) - 1, MANY).astype(int)]
+    if len(full) > 400:
+        rows = evenly(full, 400)
     goals = np.where(known[rows], target.points[rows], np.nan)
     points = np.where(ours[rows], source.points[rows], 0.0)
     if target.lifts is not source.lifts:
@@ -650,9 +643,6 @@ _REASONS = {
     "pair": "one of its two images could not be oriented",
 }
 """Why things stay without start values."""
-_LEVELLED = "no height difference ties it to a point with a height"
-_ENOUGH = {"image": 4, "station": 2}
-"""Points of known place that an image or a set needs to see for its attitude."""
 
 
 def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[UndeterminedObject, ...]:
@@ -668,7 +658,8 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
         for number in np.flatnonzero(lost).tolist():
             thing = thing_of(kind, network.blocks[kind].ids[number])
             reason = _REASONS.get(thing[0], "no start value is given")
-            reason = _LEVELLED if levelled[number] == rows[number] else reason
+            levelled_only = "no height difference ties it to a point with a height"
+            reason = levelled_only if levelled[number] == rows[number] else reason
             reason = CONTRADICTED if thing in contradicted else reason
             reason = reason if rows[number] else "no observation refers to it"
             found.setdefault(thing, UndeterminedObject(*thing, reason, "", int(rows[number])))
@@ -695,7 +686,8 @@ def _contradicted(network: Network, start: Mapping[str, FloatArray]) -> set[tupl
     things: set[tuple[str, str]] = set()
     for number, count in zip(*np.unique(pairs[:, 0], return_counts=True), strict=True):
         thing = thing_of("rotation", network.blocks["rotation"].ids[number])
-        if thing[0] in _ENOUGH and count >= _ENOUGH[thing[0]]:
+        # An image needs four points of known place for its attitude, a set two.
+        if (thing[0] == "image" and count >= 4) or (thing[0] == "station" and count >= 2):
             things.add(thing)
     return things
 
@@ -750,7 +742,7 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
             continue
         if number in given:
             off = _misses(system, frame, *given[number])
-            doubtful = len(off) >= FEWEST and np.mean(off < AGREES) < MOST
+            doubtful = len(off) >= 3 and np.mean(off < AGREES) < MOST
         else:
             turn = network.start["rotation"][frame.rotation] @ system.poses[number][1].T
             off = np.array([float(np.linalg.norm(turn - np.eye(3))) / np.sqrt(2.0)])

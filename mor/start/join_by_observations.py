@@ -12,8 +12,8 @@ from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.images import is_image_point, read_out_at_once
 from mor.model.rotations import exponential
 from mor.project.network import Network
-from mor.start.bundle import Similarity, SimilarityOutcome
-from mor.start.movement import FreeRotation, Movement
+from mor.start.bundle import Similarity, SimilarityOutcome, evenly
+from mor.start.movement import OPEN, FreeRotation, Movement, sampled_turns
 from mor.start.part import Part
 from mor.start.scene import Scene
 from mor.types import BoolArray, FloatArray, IntArray
@@ -28,11 +28,6 @@ from mor.units import ANGLE, IMAGE
 
 PRECISION = 2e-3
 """Radians, or parts of a length, that an observation fits at the best: parts are bent a little."""
-MOST = 60
-"""Rows of a group that take part."""
-PLACES = 6
-"""Points that neither part knows and that take part, at the most."""
-_ABSURD = 1e6
 
 
 class SimilarityTransformations(NamedTuple):
@@ -159,7 +154,7 @@ def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
 def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
     """Points that neither part knows, from or to which more is measured than tells where they are.
 
-    Those go again that have enough only beside others that go; at the most ``PLACES`` of them are left.
+    Those go again that have enough only beside others that go; at the most six of them are left.
     """
     levelled = {sight.rotation: sight.position for sight in scene.terrestrial.sights if sight.rotation >= 0}
     sets = [place for block, place in levelled.items() if turned[block] == 0]
@@ -171,7 +166,7 @@ def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) ->
         for group in network.groups:
             _count(group, (told > 0) | wanted, fit, counts)
         counts[~wanted] = 0
-        order = np.argsort(-counts, kind="stable")[: PLACES if round_ else len(counts)]
+        order = np.argsort(-counts, kind="stable")[: 6 if round_ else len(counts)]
         # Components measured from or to such a point, from which on it says more than where it is.
         kept = order[counts[order] >= 4]
         if len(kept) == np.count_nonzero(wanted):
@@ -215,10 +210,8 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
                 known &= np.isfinite(values).all(axis=1)
         inside = is_image_point(group.type)
         rows: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
-        if len(rows) > MOST:
-            rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
         if len(rows):
-            found.append(_rows(network, group, rows))
+            found.append(_rows(network, group, evenly(rows, 60)))
     return found
 
 
@@ -293,7 +286,7 @@ def residuals(rows: list[GroupRows], sides: Sides, moves: SimilarityTransformati
         off = computed.reshape(k, n, -1) - one.group.observed
         off = np.where(one.group.type.wraps, wrap(off), off) / one.sigma
         found.append(off[:, one.group.mask])
-    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=_ABSURD), -_ABSURD, _ABSURD)
+    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=1e6), -1e6, 1e6)
 
 
 def placed(sides: Sides, moves: SimilarityTransformations) -> tuple[FloatArray, FloatArray]:
@@ -326,9 +319,6 @@ def about_vertical(kappas: FloatArray) -> FloatArray:
 
 # ---- Many starts of one small problem at once: Σ log(1 + v²), by Gauss-Newton with Cauchy weights, damped.
 
-_STEP = 1e-6
-_LARGEST = 0.5
-"""Change of an unknown in one step, at the most."""
 
 States = TypeVar("States", bound=tuple[FloatArray, ...])
 """Many states: arrays whose first axis counts them."""
@@ -385,9 +375,9 @@ def _derivatives(searched: Searched[States], states: States, off: FloatArray) ->
     """(k, n, u) by differences, all unknowns of all states in one call."""
     count, unknowns = len(off), searched.unknowns
     many = some(states, np.repeat(np.arange(count), unknowns))
-    there = searched.residuals(searched.moved(many, np.tile(_STEP * np.eye(unknowns), (count, 1))))
+    there = searched.residuals(searched.moved(many, np.tile(1e-6 * np.eye(unknowns), (count, 1))))
     change = there.reshape(count, unknowns, -1) - off[:, None, :]
-    return np.asarray(np.swapaxes(change, 1, 2) / _STEP)
+    return np.asarray(np.swapaxes(change, 1, 2) / 1e-6)
 
 
 def _iterated(searched: Searched[States], states: States, steps: int, width: float) -> tuple[States, FloatArray]:
@@ -405,7 +395,7 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
         side = np.einsum("kni,kn->ki", rows, root * off)
         normal[:, np.arange(unknowns), np.arange(unknowns)] += load
         change = -rotations.solve(np.nan_to_num(normal), side[:, :, None])[:, :, 0]
-        moved = searched.moved(states, np.clip(np.nan_to_num(change), -_LARGEST, _LARGEST))
+        moved = searched.moved(states, np.clip(np.nan_to_num(change), -0.5, 0.5))
         tried = searched.residuals(moved)
         better = _objectives(tried, wide) < _objectives(off, wide)
         both = type(states)(*(np.concatenate(pair) for pair in zip(states, moved, strict=True)))
@@ -418,8 +408,6 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
 # ---- What is looked for between two parts, and the starts from which it is looked for.
 
 _TURNS = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
-_TIMES = {FreeRotation.ANY: 4, FreeRotation.VERTICAL: 2, FreeRotation.NONE: 1}
-"""Times as many starts, where the target may be turned against what observations refer to."""
 
 
 class Stance(NamedTuple):
@@ -443,21 +431,6 @@ class Stance(NamedTuple):
 
 
 KNOWN = Stance(FreeRotation.NONE, False, False)
-
-
-def sampled_turns(turn: FreeRotation) -> FloatArray:
-    """Return rotations (k, 3, 3) over all attitudes, about the vertical, or none."""
-    if turn is FreeRotation.NONE:
-        return np.eye(3)[None]
-    angles = 2.0 * np.pi * np.arange(72) / 72
-    about = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
-    if turn is FreeRotation.VERTICAL:
-        return about
-    k = np.arange(60) + 0.5
-    z, around = 1.0 - 2.0 * k / 60.0, np.pi * (1.0 + 5.0**0.5) * k
-    tilt, azimuth = np.arccos(z), around
-    axes = np.stack([-np.sin(azimuth), np.cos(azimuth), 0.0 * k], axis=1) * tilt[:, None]
-    return np.concatenate([one @ about[::4] for one in exponential(axes)])
 
 
 def stance_of(target: Part, source: Part) -> Stance:
@@ -587,7 +560,7 @@ def starts(search: Search) -> SimilarityTransformations:
     # Coordinates that are held at once, at the most.
     most = int(3e7 / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
     # Starts at the least: turns that are sampled come again with other shifts and scales.
-    wanted = 500 * _TIMES[search.stance.turn]
+    wanted = 500 * {FreeRotation.ANY: 4, FreeRotation.VERTICAL: 2, FreeRotation.NONE: 1}[search.stance.turn]
     turns = np.tile(turns, (-(-wanted // len(turns)), 1, 1))
     turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
     states = _drawn(search, draw, turns)
@@ -695,10 +668,6 @@ def _orientations(search: Search, states: SimilarityTransformations) -> FloatArr
 
 # ---- Two parts, and any observations between them or inside the one that joins: the movement that these determine.
 
-CONTROLLED = 3
-"""Observations beyond those that a movement takes, from which on they tell it beyond doubt."""
-OPEN = 0.1
-"""σ of a movement (radians, or parts of the size) from which on it is open."""
 SEARCHED = 400
 """Observations of the first search in a network, at the most; the k-th one is made among a k-th of them.
 
@@ -708,12 +677,12 @@ take at most a few times as long as the largest one.
 
 
 def tie_by_observations(
-    network: Network, target: Part, source: Part, scene: Scene, redundant: int = CONTROLLED
+    network: Network, target: Part, source: Part, scene: Scene, redundant: int = 3
 ) -> Movement | None:
     """The movement from source to target that most observations agree with.
 
-    ``None`` where fewer than ``redundant`` beyond those it takes agree, where nothing came in since it was asked, or
-    after too many searches in the network (``SEARCHED``).
+    ``None`` where fewer than ``redundant`` beyond those it takes agree (three tell it beyond doubt), where nothing came
+    in since it was asked, or after too many searches in the network (``SEARCHED``).
     """
     known = np.asarray(np.isfinite(source.points).all(axis=1))
     # Observations of a network up to which it is tried.

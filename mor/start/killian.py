@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, cross, principal_rows, tangent_axes, unit
+from mor.start.bundle import BY_ITSELF, Bundle, cross, principal_rows, tangent_axes, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -476,9 +476,6 @@ def corners_in_frame(corners: FloatArray, solution: Quadrilateral, image: int) -
 
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
-
-BY_ITSELF = 2.9e-7
-"""Probability that two images from one centre seem to have a base, by their errors alone (5 σ)."""
 
 
 class PlaneOutcome(Enum):

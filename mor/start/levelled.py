@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
+from mor.start.bundle import sphere
 from mor.start.free_station import (
     FitQuality,
     FreeStation,
@@ -35,8 +36,6 @@ SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
 SECTION_FITS = 1e-2
 """Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
-RISES = 0.1, -0.1, 0.5, -0.5
-"""Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
 
 
 def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bool:
@@ -120,7 +119,8 @@ def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, c
         for point, direction in _unknown_sights(part, sight)
         if (sight.position, point) in distances.slope
     ]
-    slope = RISES[choices.take(len(RISES))] if found else 0.0
+    # In parts of the lengths, one for all sights, whichever leads to the best.
+    slope = (0.1, -0.1, 0.5, -0.5)[choices.take(4)] if found else 0.0
     for sight, point, t, length, rise in found:
         here = part.points[sight.position]
         if np.isnan(part.points[point, 2]):
@@ -347,9 +347,6 @@ def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -
 # directions and distances; a point is taken where one place fits, and, where nothing else is left, where
 # several do.
 
-ONE_PLACE = "meeting of {count} surfaces"
-SEVERAL_PLACES = "meeting of {count} surfaces: one of {of} positions that fit equally well"
-
 
 class Surfaces(NamedTuple):
     """Surfaces through a point; residuals are angles, or relative to a distance or to the size."""
@@ -398,7 +395,9 @@ def grow_single_points(part: Part, scene: Scene, ambiguous: bool = False, contra
         if len(places) == 1 or (ambiguous and places):
             part.points[point] = places[scene.choices.take(len(places))]
             part.placed.add(point)
-            words = ONE_PLACE if len(places) == 1 else SEVERAL_PLACES
+            words = "meeting of {count} surfaces"
+            if len(places) > 1:
+                words = "meeting of {count} surfaces: one of {of} positions that fit equally well"
             part.how[f"point {point}"] = rule(words, count=surfaces.equations, of=len(places))
             added = True
             if ambiguous and len(places) > 1:
@@ -471,10 +470,7 @@ def _residuals(surfaces: Surfaces, X: FloatArray, size: float) -> tuple[FloatArr
 
 def _starts(surfaces: Surfaces, middle: FloatArray, size: float) -> FloatArray:
     """Places (k, 3) over all directions, about the middle and about everything that is at a distance."""
-    k = np.arange(24) + 0.5
-    z, around = 1.0 - 2.0 * k / 24.0, np.pi * (1.0 + 5.0**0.5) * k
-    flat = np.sqrt(1.0 - z**2)
-    directions = np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
+    directions = sphere(24)
     starts = [middle + r * size * directions for r in (0.3, 1.0, 4.0)]
     starts += [sphere[:3] + sphere[3] * directions for sphere in surfaces.spheres[:4]]
     return np.concatenate(starts)

@@ -13,7 +13,7 @@ from mor.linalg.cholesky import NotFiniteError, factorise
 from mor.linalg.symbolic import analyse
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, direction_bundle, misfits, remembered, reproject
+from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, remembered, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
 from mor.start.resection import AGREES, KnownPosition, Pose, Resection, ResectionOutcome, adjust_pose, resect, star_of
@@ -21,10 +21,6 @@ from mor.start.scene import Scene, make_upright
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form.
-
-_REMEMBERED = 1024
-_SAMPLE = 60
-"""Points of a frame a resection uses at the most."""
 
 
 def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = SLACKS) -> bool:
@@ -55,15 +51,13 @@ def least_agreeing(known: int) -> int:
     return max(4, int(np.ceil(0.6 * known)))
 
 
-@remembered(_REMEMBERED)
+@remembered
 def _resected(rays: FloatArray, sigma: FloatArray, targets: FloatArray) -> Resection:
     return resect(direction_bundle(rays, sigma), targets)
 
 
 def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
-    known = np.flatnonzero(part.known(frame.points))
-    if len(known) > _SAMPLE:
-        known = known[np.linspace(0, len(known) - 1, _SAMPLE).astype(int)]
+    known = evenly(np.flatnonzero(part.known(frame.points)), 60)
     targets = part.points[frame.points[known]]
     targets[:, 2] += frame.heights[known]
     return known, targets
@@ -132,13 +126,6 @@ def observed_centres(
 # one step of a bundle adjustment of some points of some frames: points eliminated, frames outside held, given
 # positions with their σ. More steps are not needed, for every frame takes part several times.
 
-_LOCAL_BUNDLE_SAMPLE = 40
-"""Points of a frame that take part."""
-_POSE = 6
-"""Unknowns of a frame."""
-_LOOSE = 1e-9
-"""Part of the diagonal added to it, so that what nothing ties stays where it is."""
-
 
 class _PosedRays(NamedTuple):
     """Rays of posed frames to the points that take part."""
@@ -178,15 +165,11 @@ def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntAr
     for number in moving:
         points = frames[number].points
         points = points[part.known(points)]
-        if len(points) > _LOCAL_BUNDLE_SAMPLE:
-            points = points[np.argpartition(_shuffled(points), _LOCAL_BUNDLE_SAMPLE)[:_LOCAL_BUNDLE_SAMPLE]]
+        if len(points) > 40:
+            # Their order has nothing to do with their numbers (Fibonacci hashing).
+            points = points[np.argpartition((points * 2654435769) % 2**32, 40)[:40]]
         chosen[points] = True
     return np.flatnonzero(chosen)
-
-
-def _shuffled(points: IntArray) -> IntArray:
-    """Places of points (n,) in an order that has nothing to do with their numbers (Fibonacci hashing)."""
-    return (points * 2654435769) % 2**32
 
 
 def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _PosedRays:
@@ -207,7 +190,7 @@ def _step(
     residuals, by_pose, by_point = _linearised(poses, rays, X)
     of_points = _summed(by_point, by_point, rays.point, len(X))
     size = np.trace(of_points, axis1=1, axis2=2)
-    tie = np.where(size > 0.0, np.where(rays.held, 1e12, _LOOSE) * size, 1.0)
+    tie = np.where(size > 0.0, np.where(rays.held, 1e12, 1e-9) * size, 1.0)
     of_points += tie[:, None, None] * np.eye(3)
     inverse = rotations.inv(of_points).astype(np.float64)
     point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
@@ -222,7 +205,7 @@ def _step(
     of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
     frame_side[held, :3] += weight * (poses.centres[list(moving)][held] - place[held])
     own = np.einsum("nii->ni", of_frames)
-    own += np.where(own > 0.0, _LOOSE * own, 1.0)
+    own += np.where(own > 0.0, 1e-9 * own, 1.0)
     mixed = by_pose.transpose(0, 2, 1) @ by_point[order]
     across = _blocks(mixed, row, column, shape)
     reach = _blocks(mixed @ inverse[column], row, column, shape)
@@ -271,10 +254,10 @@ def _lower_triangle(matrix: scipy.sparse.bsr_array) -> BlockMatrix:
     kept = matrix.indices >= row
     column_pointers = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=count))])
     structure = BlockStructure(
-        _POSE * np.arange(count + 1),
+        6 * np.arange(count + 1),
         column_pointers.astype(np.int64),
         matrix.indices[kept].astype(np.int64),
-        _POSE**2 * np.arange(int(kept.sum()) + 1),
+        36 * np.arange(int(kept.sum()) + 1),
     )
     return BlockMatrix(structure, matrix.data[kept].transpose(0, 2, 1).ravel())
 

@@ -18,14 +18,13 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.rotations import exponential
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, remembered, similarity
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, remembered, similarity, sphere
 from mor.types import BoolArray, FloatArray
 
 OPEN = 0.1
 """σ of a movement (radians, or parts of the size) from which on it is open rather than determined."""
 PRECISION = 1e-4
 """What coordinates are good to at the best, in parts of the size of the target."""
-_REMEMBERED = 256
 
 
 class FreeRotation(Enum):
@@ -76,7 +75,7 @@ def movement(ties: Ties, turn: FreeRotation, scaled: bool) -> Movement | None:
     return _best(ties.source, ties.target, ties.source_axes, ties.target_axes, turn, scaled)
 
 
-@remembered(_REMEMBERED)
+@remembered
 def _best(
     source: FloatArray,
     target: FloatArray,
@@ -156,25 +155,23 @@ def _starts(ties: _Normalised, turn: FreeRotation, scaled: bool) -> FloatArray:
     """Rotations (k, 3, 3) to start from, the most promising ones."""
     if turn is FreeRotation.NONE:
         return np.eye(3)[None]
-    sampled = _about_vertical(36) if turn is FreeRotation.VERTICAL else _all_attitudes(ties)
+    sampled = sampled_turns(turn, 48, 12)
+    if turn is FreeRotation.ANY and len(ties.source_axes):
+        sampled = _towards(ties.target_axes[0]) @ sampled_turns(FreeRotation.VERTICAL) @ _towards(ties.source_axes[0]).T
     sampled = np.concatenate([sampled, *_closed_forms(ties, turn, scaled)])
     cost = _costs(ties, sampled, scaled)
     return sampled[np.argsort(cost, kind="stable")[:12]]
 
 
-def _about_vertical(count: int) -> FloatArray:
-    angles = 2.0 * np.pi * np.arange(count) / count
-    return exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
-
-
-def _all_attitudes(ties: _Normalised) -> FloatArray:
-    turns = _about_vertical(36)
-    if len(ties.source_axes):
-        return _towards(ties.target_axes[0]) @ turns @ _towards(ties.source_axes[0]).T
-    k = np.arange(48) + 0.5
-    polar, around = np.arccos(1.0 - 2.0 * k / 48.0), np.pi * (1.0 + 5.0**0.5) * k
-    axes = np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)], axis=1)
-    return np.concatenate([_towards(axis) @ turns[::3] for axis in axes])
+def sampled_turns(turn: FreeRotation, axes: int = 60, about: int = 18) -> FloatArray:
+    """Return rotations (k, 3, 3) about so many axes all over, 72 about the vertical, or none."""
+    if turn is FreeRotation.NONE:
+        return np.eye(3)[None]
+    angles = 2.0 * np.pi * np.arange(72) / 72
+    turns = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
+    if turn is FreeRotation.VERTICAL:
+        return turns
+    return np.concatenate([_towards(axis) @ turns[:: 72 // about] for axis in sphere(axes)])
 
 
 def _towards(axis: FloatArray) -> FloatArray:

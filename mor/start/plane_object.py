@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, product
-from math import comb
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.special import chdtri
 
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, ahead, reproject, tangent_axes, unit
+from mor.start.bundle import AS_GOOD, Bundle, ahead, reproject, samples, tangent_axes, unit
 from mor.start.intersection import nearest_point
 from mor.start.killian import (
     Homography,
@@ -45,9 +44,6 @@ it bends the shape, and is told without a height, with the σ of a point of the 
 """
 LEAST = 5
 """Points that must agree: any four do."""
-PART = 0.5
-"""Part of the points that must agree: in a crowd some always lie in a plane by accident."""
-SAMPLES = 200
 
 
 def carried_over(a: Bundle, b: Bundle) -> BoolArray:
@@ -61,12 +57,12 @@ def carried_over(a: Bundle, b: Bundle) -> BoolArray:
     fits = _variance(whole) == 1.0 and np.all(significance_of_points(a, b, whole, everything) < AGREES)
     if len(a) <= LEAST or fits:
         return everything
-    kept = _best_half(a, b, _samples(len(a)))
+    kept = _best_half(a, b, next(samples(len(a), 4, 200, 200, np.random.default_rng(len(a)))))
     # Adjustments of the half that fits best, and of all that agree.
     for _ in range(5):
         homography = fit_homography(a.take(kept), b.take(kept))
         now = significance_of_points(a, b, homography, kept) < AGREES * _variance(homography)
-        if np.sum(now) < max(LEAST, PART * len(a)):
+        if np.sum(now) < max(LEAST, 0.5 * len(a)):
             return everything
         if np.array_equal(now, kept):
             break
@@ -81,19 +77,12 @@ def _variance(homography: Homography) -> float:
     return homography.objective / redundancy if too_small else 1.0
 
 
-def _samples(count: int) -> IntArray:
-    if comb(count, 4) <= SAMPLES:
-        return np.array(list(combinations(range(count), 4)))
-    generator = np.random.default_rng(count)
-    return np.stack([generator.permutation(count)[:4] for _ in range(SAMPLES)])
-
-
 def _best_half(a: Bundle, b: Bundle, samples: IntArray) -> BoolArray:
     """The half of the points that fits best: least trimmed squares (P. J. Rousseeuw 1984) over ``samples`` (m, 4).
 
     Grown from there a collineation is not bent by points off the plane that hide each other.
     """
-    half = max(LEAST, int(np.ceil(PART * len(a))))
+    half = max(LEAST, int(np.ceil(0.5 * len(a))))
     found = misfits(a, b, homographies_of_four(a.directions[samples], b.directions[samples]))
     best = found[np.argmin(np.sum(np.sort(found, axis=1)[:, :half], axis=1))]
     for _ in range(3):
@@ -111,10 +100,6 @@ def _best_half(a: Bundle, b: Bundle, samples: IntArray) -> BoolArray:
 
 FREE = 4
 """Shift (2), turn and scale in the plane."""
-LEAST_DAMPING, ROUGH = 1e-9, 1e-6
-"""Of the scaled normal matrix: always, for the free movements; and at least, once a step led upwards."""
-STILL = 1e-10
-"""Part of Σ (v/σ)² by which a step must promise to lower it; and σ below which residuals are rounding."""
 
 
 class PlaneState(NamedTuple):
@@ -161,7 +146,9 @@ def adjust_plane(
     points = np.stack([there, there, there & ~in_plane], axis=1)
     free = np.concatenate([np.ones(6 * len(state.positions), dtype=bool), points.ravel()])
     free[5] = held is None
-    damping, growth = LEAST_DAMPING, 2.0
+    # Of the scaled normal matrix: always, for the free movements, and more once a step led upwards.
+    least_damping = 1e-9
+    damping, growth = least_damping, 2.0
     residuals, design = _linearised(bundles, seen, state)
     for _ in range(iterations):
         step = np.zeros(len(free))
@@ -175,11 +162,12 @@ def adjust_plane(
         promised = before - float(np.sum((residuals + design @ step) ** 2))
         if after <= before:
             gain = (before - after) / promised if promised > 0.0 else 1.0
-            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), LEAST_DAMPING)
+            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), least_damping)
             state, residuals, design, growth = moved, new_residuals, new_design, 2.0
         else:
-            damping, growth = max(damping, ROUGH) * growth, 2.0 * growth
-        still = promised <= STILL * before or before < STILL**2 * len(residuals)
+            damping, growth = max(damping, 1e-6) * growth, 2.0 * growth
+        # A step that promises less is none; σ below the same number are rounding.
+        still = promised <= 1e-10 * before or before < 1e-20 * len(residuals)
         if still or float(np.max(np.abs(step))) < 1e-12 or damping > 1e6:
             break
     return _judged(bundles, seen, state, residuals, design, free)
@@ -296,11 +284,6 @@ def inner_constraints(adjusted: AdjustedPlane, in_plane: BoolArray) -> FloatArra
 # the squared ratio of the distances of S from the two images of its own pair.) Scale, position and turn in
 # the plane stay free: see :mod:`mor.start.plane_object`.
 
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
-SOLVED = (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL, PlaneOutcome.NOT_VISIBLE)
-"""Outcomes of a pair that leave it to all images."""
-
 
 class PlaneShape(NamedTuple):
     """Points in a plane and beside it, and the frames that see it; the plane is Z = 0, the frames at Z > 0."""
@@ -355,7 +338,7 @@ def shape_of_plane(bundles: Sequence[Bundle], off: BoolArray | None = None) -> P
         pairs.append(planar_orientations(bundles[0].take(both), bundles[k].take(both)))
     based = [pair for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     for pair in based:
-        if pair.outcome not in SOLVED:
+        if not pair.outcome.usable and pair.outcome is not PlaneOutcome.NOT_VISIBLE:
             return _failed(pair.outcome, rays)
     hypotheses = _hypotheses(rays, pairs)
     if not hypotheses:

@@ -133,14 +133,11 @@ def _rays_to(network: Network, candidates: BoolArray) -> Iterator[tuple[IntArray
     """Blocks (k,) that the rays to candidates come from and go to, so many at a time."""
     for group in network.groups:
         if can_be_at_infinity(group.type):
-            for start in range(0, group.count, _RAYS_AT_A_TIME):
-                some = slice(start, start + _RAYS_AT_A_TIME)
+            for start in range(0, group.count, 250_000):
+                some = slice(start, start + 250_000)
                 point = group.blocks[target_slot(group.type)][some]
                 rows = candidates[point]
                 yield group.blocks[0][some][rows].astype(np.int64), point[rows].astype(np.int64)
-
-
-_RAYS_AT_A_TIME = 250_000
 
 
 def _met(network: Network, given: FloatArray) -> RayPoints:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import Enum
-from itertools import combinations
 from math import comb
 from typing import NamedTuple
 
@@ -12,7 +10,7 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.rotations import angles_from_rotation, cross_matrix, rotate
-from mor.start.bundle import Bundle, misfits, reproject, unit
+from mor.start.bundle import AS_GOOD, Bundle, misfits, reproject, samples, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -95,11 +93,6 @@ def _design(
 
 
 # ---- What became of a space resection, as data.
-
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another pose may be worse and still count as fitting equally well (5 σ)."""
-WEAK = 0.1
-"""σ of the rotation (radians), or of the position relative to the nearest point, beyond which a pose is weak."""
 
 
 class ResectionOutcome(Enum):
@@ -235,7 +228,8 @@ def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
     variances = np.diag(_covariance(bundle, points, pose))
     nearest = float(np.min(np.linalg.norm(points - pose.position, axis=1)))
     position, rotation = np.sqrt(np.max(variances[:3])), np.sqrt(np.max(variances[3:]))
-    return bool(rotation > WEAK or position > WEAK * nearest)
+    # Radians, and parts of the distance to the nearest point.
+    return bool(rotation > 0.1 or position > 0.1 * nearest)
 
 
 # ---- Space resection from three points: all real solutions (J. A. Grunert 1841).
@@ -413,10 +407,6 @@ def _frames(points: FloatArray, placed: FloatArray) -> tuple[FloatArray, FloatAr
 # refined by Gauss–Newton on the measured coordinates with small rotations about the axes of the frame, and the points
 # that agree are drawn again until they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
 
-SAMPLES = 80
-"""Three-point samples at the most; all triples are taken where they are not more."""
-BATCH = 10
-"""Samples that are drawn before it is asked whether more are needed."""
 TRUNCATION = 12.0
 """Residual v/σ at which a point stops counting while samples are compared."""
 AGREES = 4.5
@@ -441,7 +431,9 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
     drawn = 0
     # Coordinates of a map are large beside the object: differences from the centre keep the digits.
     centre = points.mean(axis=0)
-    for triples in _triples(len(points), generator):
+    # All of few triples at once, else ten before it is asked whether more are needed.
+    batch = 80 if comb(len(points), 3) <= 80 else 10
+    for triples in samples(len(points), 3, 80, batch, generator):
         found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
         fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
         poses, drawn = [*poses, *fresh], drawn + len(triples)
@@ -469,15 +461,6 @@ def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
     if extensions[1] <= 1e-6 * extensions[0] or thin < 3.0 * bundle.noise:
         return ResectionOutcome.COLLINEAR
     return None
-
-
-def _triples(count: int, generator: np.random.Generator) -> Iterator[IntArray]:
-    """Samples (k, 3) of so many points, as long as more are asked for: all of them, where they are few."""
-    if comb(count, 3) <= SAMPLES:
-        yield np.array(list(combinations(range(count), 3)), dtype=np.int64)
-        return
-    for _ in range(0, SAMPLES, BATCH):
-        yield np.stack([generator.permutation(count)[:3] for _ in range(BATCH)]).astype(np.int64)
 
 
 def _truncated(bundle: Bundle, points: FloatArray, poses: list[Pose]) -> FloatArray:

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from mor.model import rotations
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.network import Network
-from mor.start.bundle import Similarity, SimilarityOutcome
+from mor.start.bundle import Similarity, SimilarityOutcome, sphere
 from mor.start.movement import Movement
 from mor.start.part import (
     Distances,
@@ -381,9 +381,7 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     difference, dz = _between_known(part, scene.level_lines)
     if part.levelled or len(dz) == 0:
         return part.levelled
-    k = np.arange(400) + 0.5
-    z, around = 1.0 - 2.0 * k / 400.0, np.pi * (1.0 + 5.0**0.5) * k
-    up = np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)
+    up = sphere(400)
     rise = up @ difference.T
     factor = np.ones(len(up))
     if not part.scaled:

@@ -11,10 +11,16 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse
 
-from mor.start.bundle import direction_bundle, remembered
+from mor.start.bundle import direction_bundle, evenly, remembered
 from mor.start.free_station import PlanShape, StationOutcome, free_station_level, three_bundles
 from mor.start.image_pair import FEWEST as FITTING_FEWEST
-from mor.start.image_pair import RobustOrientation, StartOrientation, fitting_orientations, robust_relative_orientation
+from mor.start.image_pair import (
+    MINIMUM,
+    RobustOrientation,
+    StartOrientation,
+    fitting_orientations,
+    robust_relative_orientation,
+)
 from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, rule
 from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
 from mor.start.scene import Scene
@@ -23,14 +29,9 @@ from mor.types import FloatArray, IntArray
 
 # ---- Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
 
-LOOKED_AT = 96
-"""Pairs whose parallaxes are compared before any is oriented."""
 WINDOW = 64
 """Rays of a point among which frames are paired."""
-FEWEST_COMMON = 8
 _SAMPLE = 80
-_REMEMBERED = 512
-"""Pairs that are not oriented again: every beginning, and every change tried of a network, comes to most of them."""
 
 
 class FramePairs(NamedTuple):
@@ -75,7 +76,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, po
     """
     oriented: list[tuple[float, Part]] = []
     reason: Phrase | None = None
-    both = among[pairs.common[among] >= FEWEST_COMMON]
+    both = among[pairs.common[among] >= MINIMUM]
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
@@ -102,7 +103,7 @@ def _too_few(frames: Sequence[Frame], pairs: FramePairs, among: IntArray) -> Phr
     one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
     common = int(pairs.common[among[0]])
     words = "{one} and {other} share {count} points, relative orientation needs {least}"
-    return rule(words, one=one.name, other=other.name, count=common, least=FEWEST_COMMON)
+    return rule(words, one=one.name, other=other.name, count=common, least=MINIMUM)
 
 
 def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
@@ -128,11 +129,11 @@ def by_parallax(frames: Sequence[Frame], first: IntArray, second: IntArray, comm
     over those that have as many.
     """
     ample = int(np.count_nonzero(common >= _SAMPLE))
-    if ample > LOOKED_AT:
-        chosen = np.linspace(0, ample - 1, LOOKED_AT).astype(int)
+    if ample > 96:
+        chosen = evenly(np.arange(ample), 96)
         candidates = list(zip(first[chosen].tolist(), second[chosen].tolist(), strict=True))
     else:
-        candidates = list(islice(_spread(first, second), LOOKED_AT))
+        candidates = list(islice(_spread(first, second), 96))
     return sorted(candidates, key=lambda pair: -_parallax(frames[pair[0]], frames[pair[1]]))
 
 
@@ -147,10 +148,7 @@ def _parallax(one: Frame, other: Frame) -> float:
 def common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
     """Rows in two frames of the points that both see, ``_SAMPLE`` at the most."""
     _, at_one, at_other = np.intersect1d(one.points, other.points, return_indices=True)
-    if len(at_one) > _SAMPLE:
-        chosen = np.linspace(0, len(at_one) - 1, _SAMPLE).astype(int)
-        at_one, at_other = at_one[chosen], at_other[chosen]
-    return at_one, at_other
+    return evenly(at_one, _SAMPLE), evenly(at_other, _SAMPLE)
 
 
 def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Phrase:
@@ -186,7 +184,7 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     return count * min(angle, 0.6), part
 
 
-@remembered(_REMEMBERED)
+@remembered
 def _with_least_slack(
     a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:
@@ -414,11 +412,6 @@ def _unit_base(part: Part, point: int, direction: float) -> None:
 
 # ---- Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
 
-SAMPLE = 30
-"""Points and stations at the most that the shape is worked out from."""
-SIGMA = 1e-5
-"""Radians; a measure for free stations, which cancels when two shapes are compared."""
-
 
 def seed_plan(
     measured: Terrestrial, unknown: set[int], points: int, tried: set[int]
@@ -454,7 +447,7 @@ def _largest_sets(measured: Terrestrial, unknown: set[int], tried: set[int]) -> 
         count = int(np.isfinite(sight.directions).sum())
         if count >= 3 and (count, -number) > largest.get(sight.position, (0, 0)):
             largest[sight.position] = (count, -number)
-    return [-number for _, number in sorted(largest.values(), reverse=True)][:SAMPLE]
+    return [-number for _, number in sorted(largest.values(), reverse=True)][:30]
 
 
 def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | None:
@@ -470,9 +463,9 @@ def _seen(sight: LevelledSet) -> IntArray:
 
 
 def _common(sights: list[LevelledSet]) -> IntArray:
-    """Points that all of them see, ``SAMPLE`` at the most."""
+    """Points that all of them see, 30 at the most."""
     common = reduce(np.intersect1d, [_seen(sight) for sight in sights])
-    return np.asarray(common[np.linspace(0, len(common) - 1, min(len(common), SAMPLE)).astype(int)])
+    return evenly(common, 30)
 
 
 def _directions(sight: LevelledSet, points: IntArray) -> FloatArray:
@@ -483,17 +476,17 @@ def _directions(sight: LevelledSet, points: IntArray) -> FloatArray:
 
 def _misfit(shape: PlanShape, points: IntArray, others: list[LevelledSet]) -> float:
     """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
-    worst = shape.misfit
+    worst, sigma = shape.misfit, 1e-5  # radians; any, for it cancels when two shapes are compared
     for sight in others:
         there = np.isin(points, _seen(sight))
         if np.count_nonzero(there) < 4:
             continue
         directions = _directions(sight, points[there])
-        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), SIGMA, 1.0)
+        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), sigma, 1.0)
         if station.outcome is StationOutcome.DOES_NOT_FIT:
             return float("inf")
         if station.outcome.usable:
-            worst = max(worst, SIGMA * station.sigma0)
+            worst = max(worst, sigma * station.sigma0)
     return worst
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.project.network import Network
+from mor.start.bundle import evenly
 from mor.types import FloatArray, IntArray
 
 # ---- Which of several answers that fit alike is taken whenever one is asked for, and how well start values agree.
@@ -20,8 +21,6 @@ AGREES = float(np.log1p(5.0**2))
 """Mean of log(1 + (v/σ)²) of a group up to which start values agree with it: 5 σ."""
 SOUND = float(np.log1p(2.0**2))
 """The same of adjusted ones, and of those that need not be adjusted before they are judged: 2 σ."""
-BETTER = 0.1
-"""Mean of log(1 + (v/σ)²) by which start values must agree better to be taken for others."""
 SMALLER = 1e-6
 """Part of v'Pv from which on one minimum lies below another."""
 SECOND_TRIES = 4
@@ -109,11 +108,12 @@ class Judgement(NamedTuple):
         Gross errors can draw good ones and bad ones to one end, from where nothing tells what is wrong: the good ones
         fit most observations as they stand.
         """
+        clearly = 0.1
         if np.isfinite(self.squares) and np.isfinite(other.squares):
             if abs(self.squares - other.squares) <= SMALLER * other.squares:
-                return self.before + BETTER < other.before
+                return self.before + clearly < other.before
             return self.squares < other.squares
-        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (other.missing, other.fit)
+        return (self.missing, self.fit + clearly * (self.missing == other.missing)) < (other.missing, other.fit)
 
 
 def likeliest(
@@ -232,7 +232,7 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
         return Orientation(float("nan"), differences)
     units = np.exp(1j * differences)
     # Sights of which the orientation of a set may be that of one.
-    candidates = units[np.linspace(0, len(units) - 1, min(len(units), 100)).astype(int)]
+    candidates = evenly(units, 100)
     apart = np.abs(np.angle(candidates[:, None] * units.conj())).sum(axis=1)
     # Mean absolute differences (radians) that are the same.
     median = candidates[apart <= apart.min() + 1e-9 * len(units)].mean()

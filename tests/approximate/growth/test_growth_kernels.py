@@ -20,6 +20,7 @@ def test_an_observed_position_holds_the_pose_with_its_weight(scenes):
     moved = place + 1e-3
     held = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e-9)))
     np.testing.assert_allclose(held.position, moved, atol=1e-9)
+    np.testing.assert_allclose(held.rotation @ held.rotation.T, np.eye(3), atol=1e-13)
     free = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e6)))
     np.testing.assert_allclose(free.position, adjust_pose(bundle, made.points, held).position, atol=1e-8)
 
