@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -74,6 +73,10 @@ from mor.start.scene import (
 from mor.start.seeds import FramePairs, common_pairs, seed_bundles, seed_doubtful, seed_levelled, seed_plan
 from mor.start.sights import ROWS, SMALLER, SOUND, Choices, Judgement, disagreement, likeliest
 from mor.types import BoolArray, FloatArray
+
+SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
+"""Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
+
 
 # ---- The parts there are, the object system first, and what was tried.
 
@@ -394,17 +397,13 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
 # other. What is given or was found stays. An end counts where all groups of observations agree with it, and
 # is taken where it is the lowest and was reached twice.
 
-Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 TRIES = 20
 """Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
 
 
-class _End(NamedTuple):
-    values: Mapping[str, FloatArray]
-    squares: float
-
-
-def from_random_places(network: Network, scene: Scene, found: Approximation, settle: Settle) -> Approximation | None:
+def from_random_places(
+    network: Network, scene: Scene, found: Approximation, settle: SettleNetwork
+) -> Approximation | None:
     """Start values by the solution that two tries lead to and none lies below; ``None`` where there is none.
 
     The same network has the same tries.
@@ -422,7 +421,7 @@ def from_random_places(network: Network, scene: Scene, found: Approximation, set
         "random positions: {ends} of {tries} adjustments from such positions led to a solution, two of them to this one"
     )
     random = np.random.default_rng(network.observations)
-    ends: list[_End] = []
+    ends: list[tuple[Mapping[str, FloatArray], float]] = []
     with np.errstate(all="ignore"):  # from some places numbers grow beyond all bounds
         for tries in range(1, TRIES + 1):
             settled = settle(_drawn(network, scene, found.start, random))
@@ -430,14 +429,13 @@ def from_random_places(network: Network, scene: Scene, found: Approximation, set
                 continue
             if np.isinf(settled[1]):  # what is singular anywhere is so everywhere
                 return None
-            end = _End(*settled)
-            if disagreement(network.groups, end.values)[1] > SOUND:
+            if disagreement(network.groups, settled[0])[1] > SOUND:
                 continue
-            if any(_same(end, other) for other in ends) and not any(
-                other.squares < end.squares and not _same(other, end) for other in ends
-            ):
-                return _with(network, found, end, rule(words, ends=len(ends) + 1, tries=tries))
-            ends.append(end)
+            squares = settled[1]
+            same = [abs(squares - other) <= SMALLER * max(squares, other) for _, other in ends]
+            if any(same) and not any(other < squares and not one for (_, other), one in zip(ends, same, strict=True)):
+                return _with(network, found, settled[0], rule(words, ends=len(ends) + 1, tries=tries))
+            ends.append(settled)
     return None
 
 
@@ -448,14 +446,10 @@ def _asks(network: Network, found: Approximation) -> bool:
     return any(thing.kind != "point" or thing.name not in names for thing in found.missing)
 
 
-def _same(one: _End, other: _End) -> bool:
-    return abs(one.squares - other.squares) <= SMALLER * max(one.squares, other.squares)
-
-
-def _with(network: Network, found: Approximation, end: _End, how: Phrase) -> Approximation:
+def _with(network: Network, found: Approximation, end: Mapping[str, FloatArray], how: Phrase) -> Approximation:
     """Everything that is not given as the solution has it: what was found may have been rough."""
     given = network.start
-    start = {kind: np.where(np.isfinite(given[kind]), given[kind], end.values[kind]) for kind in found.start}
+    start = {kind: np.where(np.isfinite(given[kind]), given[kind], end[kind]) for kind in found.start}
     named = {f"{one.kind} {one.name}": how for one in found.missing}
     return found._replace(start=start, how={**found.how, **named}, missing=(), remarks=())
 
@@ -580,11 +574,8 @@ def _geodetic(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
     return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
 
 
-def _projected(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    return replace(group, type=PLAIN_TYPES["coordinates"], observed=group.constants[:, :3])
-
-
-def _control(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+def _as_constants(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    """The coordinates of the object system are the first three constants."""
     observed = np.where(group.mask, group.constants[:, :3], np.nan)
     return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed)
 
@@ -628,8 +619,8 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
     "gnss_vector": _vectors,
     "gnss_position": _geocentric,
     "geodetic_position": _geodetic,
-    "projected_position": _projected,
-    "control": _control,
+    "projected_position": _as_constants,
+    "control": _as_constants,
     "ellipsoidal_height": _heights,
     "orthometric_height": _heights,
     "height_difference": _differences,
@@ -682,8 +673,6 @@ def _plain(network: Network, group: ObservationGroup, plain: ObservationType) ->
 #
 # Where the start values do not agree with the observations, other answers to what was in doubt on the way are tried.
 
-SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
-"""Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
 FEW = 1_000

@@ -358,6 +358,10 @@ class Similarity(NamedTuple):
         """Carry points (n, d) over."""
         return np.asarray(self.scale * points @ self.rotation.T + self.translation)
 
+    def times(self, factor: float) -> Similarity:
+        """Return the similarity to a target that is so many times larger."""
+        return self._replace(scale=self.scale * factor, translation=self.translation * factor)
+
     @property
     def origin(self) -> FloatArray:
         """(d,) the source point that becomes the zero of the target: X0 of a local system."""
@@ -366,6 +370,12 @@ class Similarity(NamedTuple):
     def inverse(self, points: FloatArray) -> FloatArray:
         """Carry points (n, d) of the target back."""
         return np.asarray((points - self.translation) @ self.rotation / self.scale)
+
+
+def movement_by(scale: float = 1.0, rotation: FloatArray | None = None, shift: FloatArray | None = None) -> Similarity:
+    """Return a similarity in space of a given scale, rotation (3, 3) and shift (3,)."""
+    R, t = np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
+    return Similarity(SimilarityOutcome.DETERMINED, scale, R, t, np.zeros((0, 3)), 0.0)
 
 
 def similarity(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:

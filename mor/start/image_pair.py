@@ -297,9 +297,9 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     refusal = _refusal(a, b)
     if refusal is not None:
         return failed(refusal, len(a))
-    turned = turn_without_base(a, b)
-    if turned.misfit < 1.0:
-        identical = float(np.max(np.abs(turned.rotation - np.eye(3)))) < COLLINEAR * np.hypot(a.noise, b.noise)
+    rotation, misfit, parallax = turn_without_base(a, b)
+    if misfit < 1.0:
+        identical = float(np.max(np.abs(rotation - np.eye(3)))) < COLLINEAR * np.hypot(a.noise, b.noise)
         outcome = RelativeOutcome.IDENTICAL if identical else RelativeOutcome.NO_BASE
         return failed(outcome, len(a), fit_turn(a, b))
     linear = linear_system(a, b)
@@ -313,8 +313,8 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     elif len(a) <= 15 or _doubtful(a, b, adjusted, geometry):
         adjusted = distinct(adjusted + adjust_seeds(a, b, five_point_seeds(a, b)))
     # Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base.
-    if turned.parallax < 15.0:
-        minima = minima_over_directions(a, b, turned.rotation)
+    if parallax < 15.0:
+        minima = minima_over_directions(a, b, rotation)
         everywhere = [best_of_four(a, b, auxiliary_unknowns(*one)) for one in minima]
         adjusted = distinct(adjusted + adjust_seeds(a, b, everywhere))
     of_plane = [(seed.base, seed.rotation) for seed in seeds] if geometry is SceneGeometry.PLANE else []
@@ -340,25 +340,18 @@ def _unit_axes(bundle: Bundle) -> FloatArray:
     return np.asarray(bundle.whitened_axes / np.linalg.norm(bundle.rays, axis=1)[:, None, None])
 
 
-class Turned(NamedTuple):
-    """The attitude that fits best when there is no base."""
+def turn_without_base(a: Bundle, b: Bundle) -> tuple[FloatArray, float, float]:
+    """Rotation D* (3, 3) that turns the directions of ``a`` into those of ``b``, and whether it explains them.
 
-    rotation: FloatArray
-    misfit: float
-    """Σ (v/σ)² over its limit: below 1 nothing speaks for a base."""
-    parallax: float
-    """Root mean square of what the turn leaves, in σ."""
-
-
-def turn_without_base(a: Bundle, b: Bundle) -> Turned:
-    """Rotation D* that turns the directions of ``a`` into those of ``b``, and whether it explains them."""
+    Σ (v/σ)² over its limit: below 1 nothing speaks for a base; and the root mean square of what the turn leaves, in σ.
+    """
     rotation = nearest_rotation(b.directions.T @ a.directions)
     offset = b.directions - a.directions @ rotation.T
     sigma = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
     normalised = float(np.sum(np.sum(offset**2, axis=1) / sigma**2))
     redundancy = 2 * len(a) - 3
     limit = redundancy + 5.0 * np.sqrt(2.0 * redundancy)
-    return Turned(rotation, normalised / limit, float(np.sqrt(normalised / redundancy)))
+    return rotation, normalised / limit, float(np.sqrt(normalised / redundancy))
 
 
 def _refusal(a: Bundle, b: Bundle) -> RelativeOutcome | None:

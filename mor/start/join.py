@@ -18,10 +18,10 @@ from mor.model.terrestrial import HEIGHT_DIFFERENCE
 from mor.project.entities import thing_of
 from mor.project.network import Network
 from mor.project.shapes import Held, fit_shape
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, evenly, similarity
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, evenly, movement_by, similarity
 from mor.start.intersection import posed_frames
 from mor.start.movement import OPEN, PRECISION, FreeRotation, Movement, Ties, movement
-from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose
+from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose, misses
 from mor.start.scene import Scene, StereoPair, forget_marks, make_upright
 from mor.start.sights import Terrestrial, frame_verticals
 from mor.types import BoolArray, FloatArray, IntArray
@@ -197,13 +197,13 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
     target.joined += [*source.joined, one]
     bare = not target.lifts, not source.lifts
     target.handed |= source.handed
-    moved = _scaling(1.0) if found is None else _likelier(found, source, scene)
+    moved = movement_by() if found is None else _likelier(found, source, scene)
     if target.scaled and not source.scaled:
         forget_marks(source, scene)
     if source.scaled and not target.scaled:
         forget_marks(target, scene)
-        target.transform(_scaling(1.0 / moved.scale))
-        moved = _times(moved, 1.0 / moved.scale)
+        target.transform(movement_by(1.0 / moved.scale))
+        moved = moved.times(1.0 / moved.scale)
         target.scaled = True
     source.transform(moved)
     taken = np.isnan(target.points).any(axis=1) & np.isfinite(source.points).any(axis=1)
@@ -314,16 +314,6 @@ def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
         seen = known.mean(axis=0)
         both.sort(key=lambda one: -float((one.rotation @ (centres - seen))[2]))
     return both[scene.choices.take(len(both))]
-
-
-def _scaling(scale: float) -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
-
-
-def _times(moved: Similarity, factor: float) -> Similarity:
-    return Similarity(
-        moved.outcome, moved.scale * factor, moved.rotation, moved.translation * factor, moved.residuals, moved.sigma0
-    )
 
 
 def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
@@ -581,11 +571,7 @@ def fill_in(
         if frame.relative is None:
             put_rotation(network, rotations, frame.rotation, D)
             missing = np.isnan(points[frame.position])
-            if missing.any():
-                height = float(np.nan_to_num(network.start["height"][frame.height, 0]))
-                eccentricity = np.nan_to_num(network.start["eccentricity"][frame.eccentricity])
-                place = centre - np.array([0.0, 0.0, height]) + D.T @ eccentricity
-                points[frame.position, missing] = place[missing]
+            points[frame.position, missing] = place_of(frame, centre, D)[missing]
     for number, kappa in part.kappas.items():
         block = measured.sights[number].rotation
         if block >= 0:
@@ -741,7 +727,7 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
         if not _only_started(network, frame) or number not in system.poses:
             continue
         if number in given:
-            off = _misses(system, frame, *given[number])
+            off = misses(system, frame, *given[number])[1]
             doubtful = len(off) >= 3 and np.mean(off < AGREES) < MOST
         else:
             turn = network.start["rotation"][frame.rotation] @ system.poses[number][1].T
@@ -771,7 +757,7 @@ def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[Int
     posed = posed_frames(system.poses, seen.frames)
     rays = rays[np.isfinite(posed.centres[seen.frame[rays], 0])]
     frame, point = seen.frame[rays], seen.point[rays]
-    away = given[point] + _lifted(seen.height[rays]) - posed.centres[frame]
+    away = given[point] + np.outer(seen.height[rays], [0.0, 0.0, 1.0]) - posed.centres[frame]
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
     there = np.einsum("nij,nj->ni", posed.turns[frame], away)
     return point, np.asarray(np.linalg.norm(there - seen.rays[rays], axis=1))
@@ -784,19 +770,6 @@ def _tested(point: IntArray, scene: Scene) -> BoolArray:
 def _agreeing(point: IntArray, off: FloatArray, scene: Scene) -> BoolArray:
     count = np.bincount(point, minlength=scene.points)
     return np.asarray(np.bincount(point[off < AGREES], minlength=scene.points) >= MOST * count)
-
-
-def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> FloatArray:
-    """Angles (n,) by which the rays of a frame pass by the known points they go to."""
-    known = system.known(frame.points)
-    star = (system.points[frame.points[known]] + _lifted(frame.heights[known]) - centre) @ D.T
-    star /= np.linalg.norm(star, axis=1, keepdims=True)
-    off: FloatArray = np.linalg.norm(star - frame.rays[known], axis=1)
-    return off
-
-
-def _lifted(heights: FloatArray) -> FloatArray:
-    return np.column_stack([np.zeros((len(heights), 2)), heights])
 
 
 def _only_started(network: Network, frame: Frame) -> bool:

@@ -12,7 +12,7 @@ from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.images import is_image_point, read_out_at_once
 from mor.model.rotations import exponential
 from mor.project.network import Network
-from mor.start.bundle import Similarity, SimilarityOutcome, evenly
+from mor.start.bundle import Similarity, evenly, movement_by
 from mor.start.movement import OPEN, FreeRotation, Movement, sampled_turns
 from mor.start.part import Part
 from mor.start.scene import Scene
@@ -62,17 +62,13 @@ class GroupRows(NamedTuple):
     sigma: FloatArray
 
 
-class Known(NamedTuple):
-    """Knowledge of points and rotations: (n,) 0 none, 1 by the target, 2 by the source, 3 unknown and wanted."""
-
-    points: IntArray
-    rotations: IntArray
-
-
 class Sides(NamedTuple):
     """Who knows what, and the values."""
 
-    known: Known
+    known: IntArray
+    """(points,) 0: nobody knows it, 1: the target, 2: the source, 3: unknown and wanted."""
+    turned: IntArray
+    """(rotations,) likewise."""
     points: FloatArray
     """(points, 3) of the target where it knows them, else of the source, with its middle at 0."""
     rotations: FloatArray
@@ -94,7 +90,8 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
     attitudes = network.start.get("rotation", np.zeros((0, 3, 3)))
     count, turns = len(target.points), len(attitudes)
     told = Sides(
-        Known(np.zeros(count, dtype=np.int64), np.zeros(turns, dtype=np.int64)),
+        np.zeros(count, dtype=np.int64),
+        np.zeros(turns, dtype=np.int64),
         np.full((count, 3), np.nan),
         np.full((turns, 3, 3), np.nan),
         np.zeros(count),
@@ -105,7 +102,7 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
     )
     _put(told, scene, source, middle, 2)
     _put(told, scene, target, np.zeros(3), 1)
-    (known, turned), rotations = told.known, told.rotations
+    known, turned, rotations = told.known, told.turned, told.rotations
     if target.given:
         given = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
         turned[given], rotations[given] = 1, attitudes[given]
@@ -127,13 +124,13 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
 def _put(told: Sides, scene: Scene, part: Part, middle: FloatArray, who: int) -> None:
     """Enter what a part knows; a point that it does not know the mark of is where a frame over it is."""
     known = np.asarray(np.isfinite(part.points).all(axis=1))
-    told.known.points[known], told.points[known] = who, part.points[known] - middle
+    told.known[known], told.points[known] = who, part.points[known] - middle
     told.lowered[known] = 0.0 if part.lifts else scene.target_heights[known]
     told.lever[known] = 0.0
     for number, (centre, D) in part.poses.items():
         frame = scene.frames[number]
-        if frame.stands and (who == 2 or told.known.points[frame.position] == 0):
-            told.known.points[frame.position], told.points[frame.position] = who, centre - middle
+        if frame.stands and (who == 2 or told.known[frame.position] == 0):
+            told.known[frame.position], told.points[frame.position] = who, centre - middle
             told.lowered[frame.position] = frame.offset[0]
             told.lever[frame.position] = D.T @ frame.offset[1:]
     _put_rotations(told, scene, part, who)
@@ -143,12 +140,12 @@ def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
     for number, kappa in part.kappas.items():
         block = scene.terrestrial.sights[number].rotation
         if block >= 0:
-            told.known.rotations[block] = who
+            told.turned[block] = who
             told.rotations[block] = about_vertical(np.array([kappa]))[0]
     for number, (_, D) in part.poses.items():
         frame = scene.frames[number]
         if frame.relative is None:
-            told.known.rotations[frame.rotation], told.rotations[frame.rotation] = who, D
+            told.turned[frame.rotation], told.rotations[frame.rotation] = who, D
 
 
 def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
@@ -201,7 +198,7 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
         fixed = np.zeros(group.count, dtype=bool)
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind in ("point", "rotation"):
-                told = (sides.known.points if slot.kind == "point" else sides.known.rotations)[blocks]
+                told = (sides.known if slot.kind == "point" else sides.turned)[blocks]
                 known &= told > 0
                 moving |= told > 1
                 fixed |= told != 2
@@ -220,7 +217,7 @@ def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRow
 
     What is looked for stays.
     """
-    points, turns = sides.known.points == 3, sides.known.rotations == 3
+    points, turns = sides.known == 3, sides.turned == 3
     for one in rows:
         for slot, blocks in zip(one.group.type.slots, one.blocks, strict=True):
             if slot.kind in ("point", "rotation"):
@@ -234,7 +231,8 @@ def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRow
         )
         renumbered.append(one._replace(blocks=numbers))
     kept = Sides(
-        Known(sides.known.points[points], sides.known.rotations[turns]),
+        sides.known[points],
+        sides.turned[turns],
         sides.points[points],
         sides.rotations[turns],
         sides.lowered[points],
@@ -293,14 +291,14 @@ def placed(sides: Sides, moves: SimilarityTransformations) -> tuple[FloatArray, 
     """Points (k, n, 3) and rotations (k, m, 3, 3) after movements, as observations refer to them."""
     k = len(moves.scale)
     points = np.broadcast_to(sides.points, (k, *sides.points.shape)).copy()
-    mine: BoolArray = sides.known.points == 2
+    mine: BoolArray = sides.known == 2
     turned = np.swapaxes(moves.rotation, 1, 2)
     points[:, mine] = moves.scale[:, None, None] * (sides.points[mine] @ turned) + moves.shift[:, None, :]
     lever = np.broadcast_to(sides.lever, points.shape).copy()
     lever[:, mine] = sides.lever[mine] @ turned
     points[:, sides.places] = moves.places
     turns = np.broadcast_to(sides.rotations, (k, *sides.rotations.shape)).copy()
-    own = sides.known.rotations == 2
+    own = sides.turned == 2
     turns[:, own] = sides.rotations[own] @ turned[:, None]
     if not sides.stands:
         back = np.swapaxes(moves.stance, 1, 2)
@@ -569,7 +567,7 @@ def starts(search: Search) -> SimilarityTransformations:
         some = sampled_turns(search.stance.turn)
         states = states._replace(stance=some[draw.integers(len(some), size=k)])
     if search.stance.unit:
-        reach = np.maximum(states.scale * search.size, extent(search.sides.points[search.sides.known.points == 1]))
+        reach = np.maximum(states.scale * search.size, extent(search.sides.points[search.sides.known == 1]))
         unit = _lengths(search) / np.maximum(reach, 1e-300) * np.exp(draw.uniform(-1.0, 1.0, k))
         states = states._replace(unit=np.where(unit > 0.0, unit, 1.0))
     elif search.stance.by_source:
@@ -581,7 +579,7 @@ def starts(search: Search) -> SimilarityTransformations:
     for place, sighted, directions, rises in search.sights:
         column = np.flatnonzero(search.sides.places == place)
         # Number by which points that neither part knows are known.
-        told = np.asarray(search.sides.known.points[sighted] != 3)
+        told = np.asarray(search.sides.known[sighted] != 3)
         if len(column) and np.count_nonzero(told) >= 3:
             there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
             back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
@@ -596,7 +594,7 @@ def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Simi
     """A state for each turn (k, 3, 3), of a target that knows all that observations refer to."""
     k = len(turns)
     scale = np.ones(k) if search.scaled else _scales(search, k, draw)
-    theirs = search.sides.points[search.sides.known.points == 1]
+    theirs = search.sides.points[search.sides.known == 1]
     reach = np.maximum(scale * search.size, extent(theirs))[:, None]
     fixed = np.isfinite(search.goal).all(axis=1)
     if fixed.any():
@@ -620,7 +618,7 @@ def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray
     if size:
         return np.asarray(size / extent(search.own[known]) * np.exp(0.2 * draw.standard_normal(count)))
     reach = _lengths(search) if search.sides.stands else 0.0
-    reach = reach or extent(search.sides.points[search.sides.known.points == 1])
+    reach = reach or extent(search.sides.points[search.sides.known == 1])
     if reach:
         return np.asarray(reach / search.size * np.exp(draw.uniform(-1.5, 1.5, count)))
     return np.asarray(10.0 ** draw.uniform(-3.0, 4.0, count))
@@ -708,8 +706,7 @@ def _remembered(
     search: Search, observations: int, redundant: int, tied: dict[bytes, Movement | None]
 ) -> Movement | None:
     """The movement looked for; other answers to what was in doubt elsewhere come to the same question again."""
-    told = [*search.sides[:-1], search.own, search.goal, *(one.sigma for one in search.rows)]
-    arrays = [array for one in told for array in (one if isinstance(one, tuple) else (one,))]
+    arrays = [*search.sides[:-1], search.own, search.goal, *(one.sigma for one in search.rows)]
     asked = search.goal_sigma, search.size, search.turn, search.scaled, search.stance, redundant
     words = repr(asked).encode()
     key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
@@ -730,7 +727,7 @@ def _search(
     )
     goal = target.points[common].copy()
     goal[:, 2] += scene.target_heights[common] if target.lifts and not source.lifts else 0.0
-    own = sides.points[sides.known.points == 2]
+    own = sides.points[sides.known == 2]
     size = extent(own) or extent(source.points[np.isfinite(source.points).all(axis=1)]) or 1.0
     reach = extent(target.points[np.isfinite(target.points).all(axis=1)])
     return Search(
@@ -751,7 +748,7 @@ def _sights(scene: Scene, sides: Sides) -> tuple[UnorientedSet, ...]:
     found = []
     for block in sides.sets.tolist():
         sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
-        told = (sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
+        told = (sides.known[sight.points] > 0) & np.isfinite(sight.directions)
         rises = np.tan(sight.verticals[told])
         found.append(UnorientedSet(sight.position, sight.points[told], sight.directions[told], rises))
     return tuple(found)
@@ -827,4 +824,4 @@ def _movement(search: Search, found: Minima, number: int) -> Similarity:
     states = some(SimilarityTransformations(*found.states), np.array([number]))
     scale, rotation = float(states.scale[0]), states.rotation[0]
     shift = states.shift[0] - scale * rotation @ search.middle
-    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)
+    return movement_by(scale, rotation, shift)

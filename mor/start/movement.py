@@ -18,7 +18,7 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.rotations import exponential
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, remembered, similarity, sphere
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, movement_by, remembered, similarity, sphere
 from mor.types import BoolArray, FloatArray
 
 OPEN = 0.1
@@ -65,7 +65,7 @@ class Movement(NamedTuple):
     @property
     def similarity(self) -> Similarity:
         """The movement as a similarity."""
-        return _similarity(self.scale, self.rotation, self.shift)
+        return movement_by(self.scale, self.rotation, self.shift)
 
 
 def movement(ties: Ties, turn: FreeRotation, scaled: bool) -> Movement | None:
@@ -100,7 +100,7 @@ def _best(
             distinct.append(one)
     carried = [frame.outwards(one) for one in (best, *distinct)]
     return Movement(
-        *carried[0], best.open, best.misfit, best.redundancy, tuple(_similarity(*one) for one in carried[1:])
+        *carried[0], best.open, best.misfit, best.redundancy, tuple(movement_by(*one) for one in carried[1:])
     )
 
 
@@ -298,10 +298,3 @@ def _turning(moved: FloatArray) -> FloatArray:
 
 def _apart(one: FloatArray, other: FloatArray) -> bool:
     return bool(np.trace(one @ other.T) < 3.0 - 1e-4)
-
-
-def _similarity(scale: float, rotation: FloatArray, shift: FloatArray) -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)
-
-
-__all__ = ["FreeRotation", "Movement", "Ties", "movement"]

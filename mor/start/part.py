@@ -407,6 +407,14 @@ class Part:
         self.kappas = {number: kappa - turn for number, kappa in self.kappas.items()}
 
 
+def misses(part: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Rays (n,) of a frame to known points, and how far (k,) at a pose their unit vectors are off these points."""
+    known = part.known(frame.points)
+    star = (part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre) @ D.T
+    star /= np.maximum(np.linalg.norm(star, axis=1, keepdims=True), 1e-300)
+    return known, np.linalg.norm(star - frame.rays[known], axis=1)
+
+
 def empty_part(points: int) -> Part:
     """A part of which nothing is known."""
     return Part(

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from mor.model import rotations
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.network import Network
-from mor.start.bundle import Similarity, SimilarityOutcome, sphere
+from mor.start.bundle import movement_by, sphere
 from mor.start.movement import Movement
 from mor.start.part import (
     Distances,
@@ -358,7 +358,7 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     x = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = x - z * (x @ z)
     x /= np.linalg.norm(x)
-    part.transform(_movement(1.0, np.stack([x, np.cross(z, x), z])))
+    part.transform(movement_by(rotation=np.stack([x, np.cross(z, x), z])))
     part.levelled = True
 
 
@@ -375,7 +375,7 @@ def level_roughly(part: Part, scene: Scene) -> bool:
 
     True where it is upright after that.
     """
-    lift = _lift(part, scene.frames)
+    lift = sum((above - below for _, below, _, above in _over_one_place(part, scene.frames, marks=True)), np.zeros(3))
     if not part.levelled and np.any(lift):
         make_upright(part, lift)
     difference, dz = _between_known(part, scene.level_lines)
@@ -399,21 +399,20 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     return True
 
 
-def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
-    """(3,) sum of what leads up over one position: from its point to instrument, from instrument to instrument."""
+def _over_one_place(
+    part: Part, frames: Sequence[Frame], marks: bool
+) -> list[tuple[float, FloatArray, float, FloatArray]]:
+    """Height and place (3,) of the lowest and the highest instrument, or mark, over each position with two heights."""
     over: dict[int, list[tuple[float, FloatArray]]] = {}
     for number, (centre, _) in part.poses.items():
         frame = frames[number]
         if frame.stands:
             over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
-    lift = np.zeros(3)
     for position, places in over.items():
-        if np.isfinite(part.points[position]).all():
+        if marks and np.isfinite(part.points[position]).all():
             places.append((0.0, part.points[position]))
-        (low, below), (high, above) = min(places, key=lambda one: one[0]), max(places, key=lambda one: one[0])
-        if high > low:
-            lift += above - below
-    return lift
+    ends = [(*min(places, key=lambda one: one[0]), *max(places, key=lambda one: one[0])) for places in over.values()]
+    return [one for one in ends if one[2] > one[0]]
 
 
 def direct_roughly(part: Part, scene: Scene) -> None:
@@ -428,7 +427,7 @@ def direct_roughly(part: Part, scene: Scene) -> None:
         return
     turn = float(np.angle(np.mean(np.concatenate(turns))))
     c, s = np.cos(turn), np.sin(turn)
-    part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
+    part.transform(movement_by(rotation=np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
 def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray, FloatArray]:
@@ -471,7 +470,7 @@ def _scale(part: Part, scene: Scene) -> bool:
         together = together[together > 0.0]
     if len(together) == 0:
         return False
-    part.transform(_movement(float(np.median(together)), np.eye(3)))
+    part.transform(movement_by(float(np.median(together))))
     part.scaled = True
     forget_marks(part, scene)
     return True
@@ -489,15 +488,12 @@ def scale_roughly(part: Part, scene: Scene) -> None:
     """The scale from instruments of different height over one position, where nothing else tells it."""
     if part.scaled or not part.levelled:
         return
-    over: dict[int, list[tuple[float, float]]] = {}
-    for number, (centre, _) in part.poses.items():
-        frame = scene.frames[number]
-        if frame.stands:
-            over.setdefault(frame.position, []).append((float(frame.offset[0]), float(centre[2])))
-    spans = np.array([np.subtract(max(places), min(places)) for places in over.values()]).reshape(-1, 2)
-    measured, present = spans[spans[:, 0] > 0.0].T
+    # Without scale marks are as high as the instruments.
+    over = _over_one_place(part, scene.frames, marks=False)
+    spans = np.array([(high - low, above[2] - below[2]) for low, below, high, above in over])
+    measured, present = spans.reshape(-1, 2).T
     if present.sum() > 0.0:
-        part.transform(_movement(float(measured.sum() / present.sum()), np.eye(3)))
+        part.transform(movement_by(float(measured.sum() / present.sum())))
         part.scaled = True
         forget_marks(part, scene)
 
@@ -521,7 +517,3 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: PositionDifferences) ->
             start[i] = centres[key]
     spans: FloatArray = np.linalg.norm(part.points[lengths.end] - start, axis=1)
     return spans
-
-
-def _movement(scale: float, rotation: FloatArray) -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, np.zeros(3), np.zeros((0, 3)), 0.0)

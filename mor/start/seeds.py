@@ -21,7 +21,7 @@ from mor.start.image_pair import (
     fitting_orientations,
     robust_relative_orientation,
 )
-from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, rule
+from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, misses, rule
 from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
 from mor.start.scene import Scene
 from mor.start.sights import LevelledSet, Terrestrial
@@ -43,14 +43,6 @@ class FramePairs(NamedTuple):
     """Number of points that both see."""
 
 
-class Seed(NamedTuple):
-    """A part of two frames, or why there is none."""
-
-    part: Part | None
-    reason: Phrase | None
-    """What the best pair lacks; ``None`` where there is a part, or no pair."""
-
-
 def common_pairs(seen: Sightings) -> FramePairs:
     """All pairs of frames that see common points, as far as they are worth a count.
 
@@ -69,8 +61,12 @@ def common_pairs(seen: Sightings) -> FramePairs:
     return FramePairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0) -> Seed:
+def seed_bundles(
+    frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0
+) -> tuple[Part | None, Phrase | None]:
     """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
+
+    If there is none, what the best pair lacks.
 
     ``passed``: so many that are better are passed over, as far as there are others.
     """
@@ -79,7 +75,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, po
     both = among[pairs.common[among] >= MINIMUM]
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
-        return Seed(None, _too_few(frames, pairs, among))
+        return None, _too_few(frames, pairs, among)
     # Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for.
     # The same in parts of the most points that two frames have in common.
     enough = min(15.0, 0.25 * int(pairs.common[both].max()))
@@ -94,7 +90,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, po
         if sum(score >= enough for score, _ in oriented) > passed:
             break
     oriented.sort(key=lambda one: -one[0])
-    return Seed(oriented[min(passed, len(oriented) - 1)][1], None) if oriented else Seed(None, reason)
+    return (oriented[min(passed, len(oriented) - 1)][1], None) if oriented else (None, reason)
 
 
 def _too_few(frames: Sequence[Frame], pairs: FramePairs, among: IntArray) -> Phrase | None:
@@ -292,12 +288,8 @@ def support(part: Part, frames: Sequence[Frame]) -> float:
     total = 0.0
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
-        known = part.known(frame.points)
-        star = part.points[frame.points[known]] - centre
-        star[:, 2] += frame.heights[known]
-        star = star @ D.T
-        star /= np.linalg.norm(star, axis=1, keepdims=True)
-        off = np.linalg.norm(star - frame.rays[known], axis=1) / loosened(frame.sigma[known], part.slack)
+        known, off = misses(part, frame, centre, D)
+        off = off / loosened(frame.sigma[known], part.slack)
         # σ from which on a ray speaks for nothing.
         total += float(np.sum(np.maximum(5.0**2 - off**2, 0.0)))
     return total
