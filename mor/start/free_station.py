@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -52,171 +51,14 @@ def agreeing(count: int, fit: Callable[[IntArray], FitQuality], limit: float, le
     return rows
 
 
-# ---- Points in the plane from two or more bearings (forward section) or distances (arc section).
-
-
-class SectionOutcome(Enum):
-    """Outcome of a section in the plane."""
-
-    DETERMINED = "determined"
-    AMBIGUOUS = "two points fit: on either side of the line of the stations"
-    TOO_FEW = "fewer than two bearings or distances"
-    INVALID = "a value is not a number, or a distance is not positive"
-    SAME_PLACE = "the stations coincide"
-    PARALLEL = "the bearings are nearly parallel: the distance of their intersection is undetermined"
-    BEHIND = "the bearings intersect behind a station: a bearing is reversed or wrong"
-    TOUCHING = "the arcs are nearly tangent: the point is close to the line through the stations and poorly determined"
-    APART = "the arcs do not intersect: a distance or the scale is wrong"
-
-
-class PlaneIntersection(NamedTuple):
-    """Points that fit, the best first."""
-
-    outcome: SectionOutcome
-    points: FloatArray
-    """(k, 2), k = 0, 1 or 2."""
-    sigma0: float
-    """√ of the mean square misclosure: angular (radians) of bearings, length of distances; NaN without redundancy."""
-
-    @property
-    def point(self) -> FloatArray:
-        """(2,) the first point; not a number where there is none."""
-        return self.points[0] if len(self.points) else np.full(2, np.nan)
-
-
-SMALLEST_ANGLE = 1e-4
-"""Angle in radians below which bearings are parallel and arcs touch."""
-
-
-def bearing_section(stations: FloatArray, bearings: FloatArray) -> PlaneIntersection:
-    """Point from n ≥ 2 bearings (n,) at ``stations`` (n, 2); more than two by least squares of the angles."""
-    stations, t = np.asarray(stations, dtype=float), np.asarray(bearings, dtype=float)
-    if len(t) < 2:
-        return _none(SectionOutcome.TOO_FEW)
-    if not np.all(np.isfinite(stations)) or not np.all(np.isfinite(t)):
-        return _none(SectionOutcome.INVALID)
-    if not np.any(np.ptp(stations, axis=0) > 0.0):
-        return _none(SectionOutcome.SAME_PLACE)
-    if float(np.max(np.abs(np.sin(t[:, None] - t[None, :])))) < SMALLEST_ANGLE:
-        return _none(SectionOutcome.PARALLEL)
-    along = np.stack([np.sin(t), np.cos(t)], axis=1)
-    across = np.stack([np.cos(t), -np.sin(t)], axis=1)
-    centre = stations.mean(axis=0)
-    offset = np.einsum("ni,ni->n", across, stations - centre)
-    point = centre + rotations.lstsq(across, offset, rcond=None)
-    for _ in range(20 if len(t) > 2 else 0):
-        ranges = np.maximum(np.linalg.norm(point - stations, axis=1), 1e-12)
-        step = rotations.lstsq(
-            across / ranges[:, None], -np.einsum("ni,ni->n", across, point - stations) / ranges, rcond=None
-        )
-        point = point + step
-        if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
-            break
-    if np.any(np.einsum("ni,ni->n", along, point - stations) < 0.0):
-        return PlaneIntersection(SectionOutcome.BEHIND, point[None], float("nan"))
-    difference = misclosures_of_bearings(stations, t, point)
-    sigma0 = float(np.sqrt(difference @ difference / (len(t) - 2))) if len(t) > 2 else float("nan")
-    return PlaneIntersection(SectionOutcome.DETERMINED, point[None], sigma0)
-
-
-def arc_section(stations: FloatArray, distances: FloatArray) -> PlaneIntersection:
-    """Points from n ≥ 2 horizontal distances (n,) at ``stations`` (n, 2).
-
-    Two distances leave two points, the one to the left of the line from the first to the second station
-    first. More decide by least squares, unless the stations lie in one line.
-    """
-    stations, d = np.asarray(stations, dtype=float), np.asarray(distances, dtype=float)
-    if len(d) < 2:
-        return _none(SectionOutcome.TOO_FEW)
-    if not np.all(np.isfinite(stations)) or not np.all(d > 0.0) or not np.all(np.isfinite(d)):
-        return _none(SectionOutcome.INVALID)
-    separations = np.linalg.norm(stations[:, None] - stations[None, :], axis=2)
-    if not np.max(separations) > 0.0:
-        return _none(SectionOutcome.SAME_PLACE)
-    first, second = _best_pair(separations, d)
-    if first == second:
-        return _none(SectionOutcome.APART)
-    section = _two_arcs(stations[first], d[first], stations[second], d[second])
-    return section if len(d) == 2 else _many_arcs(stations, d, section)
-
-
-def _best_pair(separations: FloatArray, d: FloatArray) -> tuple[int, int]:
-    """Stations whose arcs cut at the best angle: |sin| of the angle at the point largest."""
-    cosine = (d[:, None] ** 2 + d[None, :] ** 2 - separations**2) / (2.0 * np.outer(d, d))
-    sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-    sine[separations == 0.0] = -1.0
-    best = np.triu(sine + 1.0, 1)
-    if len(d) > 2 and np.max(np.triu(sine, 1)) <= 0.0:
-        return 0, 0
-    i, j = np.unravel_index(int(np.argmax(best)), best.shape)
-    return int(i), int(j)
-
-
-def _two_arcs(first: FloatArray, d1: float, second: FloatArray, d2: float) -> PlaneIntersection:
-    base = second - first
-    length = float(np.linalg.norm(base))
-    along = (length**2 + d1**2 - d2**2) / (2.0 * length)
-    square = d1**2 - along**2
-    direction = base / length
-    left = np.array([-direction[1], direction[0]])
-    foot = first + along * direction
-    if abs(square) < (SMALLEST_ANGLE * d1) ** 2:
-        return PlaneIntersection(SectionOutcome.TOUCHING, foot[None], float("nan"))
-    if square < 0.0:
-        return _none(SectionOutcome.APART)
-    height = float(np.sqrt(square))
-    return PlaneIntersection(
-        SectionOutcome.AMBIGUOUS, np.stack([foot + height * left, foot - height * left]), float("nan")
-    )
-
-
-def _many_arcs(stations: FloatArray, d: FloatArray, section: PlaneIntersection) -> PlaneIntersection:
-    if not len(section.points):
-        return section
-    refined = [_refined_arc(stations, d, point) for point in section.points]
-    misfits = np.array([float(np.sum(misclosures_of_arcs(stations, d, point) ** 2)) for point in refined])
-    order = np.argsort(misfits, kind="stable")
-    sigma0 = float(np.sqrt(misfits[order[0]] / (len(d) - 2)))
-    values = rotations.singular_values(stations - stations.mean(axis=0))
-    in_line = values[1] < 1e-6 * values[0]
-    points = np.stack([refined[index] for index in order])
-    if section.outcome is SectionOutcome.AMBIGUOUS and not in_line:
-        return PlaneIntersection(SectionOutcome.DETERMINED, points[:1], sigma0)
-    return PlaneIntersection(section.outcome, points, sigma0)
-
-
-def misclosures_of_arcs(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
-    """(n,) computed less measured horizontal distances."""
-    return np.asarray(np.linalg.norm(point - stations, axis=1) - d)
-
-
-def misclosures_of_bearings(stations: FloatArray, bearings: FloatArray, point: FloatArray) -> FloatArray:
-    """(n,) computed less measured bearings."""
-    return np.asarray(np.angle(np.exp(1j * (np.arctan2(*(point - stations).T) - bearings))))
-
-
-def _refined_arc(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
-    for _ in range(20):
-        offset = point - stations
-        ranges = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)
-        step = -rotations.lstsq(offset / ranges[:, None], ranges - d, rcond=1e-9)
-        point = point + step
-        if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
-            break
-    return point
-
-
-def _none(outcome: SectionOutcome) -> PlaneIntersection:
-    return PlaneIntersection(outcome, np.zeros((0, 2)), float("nan"))
-
-
 # ---- Free stationing in the plane and in space: directions and distances to known points, in any mixture.
 #
 # Three directions give the station in closed form (Rückwärtsschnitt): with the known orientation turned into
 # the instrument, n · R (P − S) = 0 is linear and homogeneous in cos κ, sin κ and R S; its null vector is the
 # solution, and where it has two, the points and the station lie on one circle, the dangerous one. Two
-# distances give two stations (arc section), direction and distance together a congruence. Every seed is
-# refined with all that was measured; what then fits alike is ambiguous.
+# distances give two stations (arc section), direction and distance together a congruence. A point that is
+# sighted under known bearings is a station of known orientation (forward section). Every seed is refined with
+# all that was measured; what then fits alike is ambiguous.
 
 
 class StationOutcome(Enum):
@@ -225,6 +67,7 @@ class StationOutcome(Enum):
     DETERMINED = "determined"
     AMBIGUOUS = "several stations fit: another direction or distance decides between them"
     TOO_FEW = "too few measurements: three directions, or two distances, or both to two points"
+    PARALLEL = "the bearings are nearly parallel: the distance of their intersection is undetermined"
     DANGEROUS_CIRCLE = "station and sighted points lie on one circle: directions alone do not determine it"
     DOES_NOT_FIT = "no station fits the measurements: wrong points or a wrong distance"
 
@@ -251,21 +94,35 @@ class FreeStation(NamedTuple):
 
 
 def free_station_level(
-    points: FloatArray, directions: FloatArray, distances: FloatArray, sigma_direction: float, sigma_distance: float
+    points: FloatArray,
+    directions: FloatArray,
+    distances: FloatArray,
+    sigma_direction: float,
+    sigma_distance: float,
+    oriented: bool = False,
 ) -> FreeStation:
-    """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where missing."""
+    """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where missing.
+
+    ``oriented``: the directions are bearings, κ = 0.
+    """
     points = np.asarray(points, dtype=float)
     observed = np.column_stack([directions, distances]).astype(float)
     sigma = np.array([sigma_direction, sigma_distance])
     has = np.isfinite(observed)
     count = int(np.sum(has))
-    unknowns = 3 if np.any(has[:, 0]) else 2
+    turns = bool(np.any(has[:, 0])) and not oriented
+    unknowns = 2 + turns
     places, sights = _places(points[np.any(has, axis=1)]), _places(points[has[:, 0]])
-    if count < unknowns or (not np.any(has[:, 1]) and sights < 3) or places < 2:
+    if count < unknowns or (not np.any(has[:, 1]) and sights < 2 + turns) or places < 2:
         return _no_station(StationOutcome.TOO_FEW, len(points))
-    if not np.any(has[:, 1]) and _on_circle(points[has[:, 0]], observed[has[:, 0], 0], sigma_direction):
+    t = observed[has[:, 0], 0]
+    # Radians at which two bearings must meet.
+    if oriented and not np.any(has[:, 1]) and np.abs(np.sin(np.subtract.outer(t, t))).max() < 0.05:
+        return _no_station(StationOutcome.PARALLEL, len(points))
+    if turns and not np.any(has[:, 1]) and _on_circle(points[has[:, 0]], t, sigma_direction):
         return _no_station(StationOutcome.DANGEROUS_CIRCLE, len(points))
-    refined = [_refine(points, observed, sigma, seed) for seed in _seeds(points, observed, has)]
+    seeds = _oriented_seeds(points, observed, has) if oriented else _seeds(points, observed, has)
+    refined = [_refine(points, observed, sigma, seed, turns) for seed in seeds]
     fitting = [one for one in refined if one is not None]
     if not fitting:
         return _no_station(StationOutcome.DOES_NOT_FIT, len(points))
@@ -324,13 +181,41 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
         seeds.append((position, kappa))
     if len(both) > 2:
         return seeds
-    for i, j in list(combinations(measured, 2))[:30]:
-        for position in arc_section(points[[i, j]], observed[[i, j], 1]).points:
-            seeds.append((position, _kappa(points, observed, position)))
+    for position in _arc_section(points[measured], observed[measured, 1]):
+        seeds.append((position, orient(position, points[sighted], observed[sighted, 0]).kappa))
     for i in both:
         for j in sighted[sighted != i][:30]:
             seeds.extend(_side_side_angle(points, observed, int(i), int(j)))
     return seeds
+
+
+def _oriented_seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tuple[FloatArray, float]]:
+    """Where bearings meet, by linear equations across them, and arcs."""
+    sighted, measured = has.T
+    seeds = [(position, 0.0) for position in _arc_section(points[measured], observed[measured, 1])]
+    if _places(points[sighted]) > 1:
+        t, centre = observed[sighted, 0], points[sighted].mean(axis=0)
+        across = np.stack([np.cos(t), -np.sin(t)], axis=1)
+        offset = np.einsum("ni,ni->n", across, points[sighted] - centre)
+        seeds.append((centre + rotations.lstsq(across, offset, rcond=None), 0.0))
+    return seeds
+
+
+def _arc_section(centres: FloatArray, distances: FloatArray) -> FloatArray:
+    """The two points (2, 2) of the arcs (n,) that cut best; where they stay apart the place between them; or none."""
+    i, j = np.triu_indices(len(distances), 1)
+    base = np.linalg.norm(centres[j] - centres[i], axis=1)
+    i, j, base = i[base > 0.0], j[base > 0.0], base[base > 0.0]
+    if not len(base):
+        return np.zeros((0, 2))
+    cosine = (distances[i] ** 2 + distances[j] ** 2 - base**2) / (2.0 * distances[i] * distances[j])
+    best = int(np.argmin(np.abs(cosine)))
+    one, other, length = distances[i[best]], distances[j[best]], base[best]
+    along = (length**2 + one**2 - other**2) / (2.0 * length)
+    direction = (centres[j[best]] - centres[i[best]]) / length
+    foot = centres[i[best]] + along * direction
+    height = np.sqrt(max(one**2 - along**2, 0.0)) * np.array([-direction[1], direction[0]])
+    return np.stack([foot + height, foot - height])
 
 
 def _side_side_angle(points: FloatArray, observed: FloatArray, i: int, j: int) -> list[tuple[FloatArray, float]]:
@@ -350,18 +235,13 @@ def _side_side_angle(points: FloatArray, observed: FloatArray, i: int, j: int) -
     return seeds
 
 
-def _kappa(points: FloatArray, observed: FloatArray, position: FloatArray) -> float:
-    sighted = np.isfinite(observed[:, 0])
-    return orient(position, points[sighted], observed[sighted, 0]).kappa
-
-
 def _misclosure(points: FloatArray, observed: FloatArray, position: FloatArray, kappa: float) -> FloatArray:
     direction = np.angle(np.exp(1j * (bearing(position, points) + np.nan_to_num(kappa) - observed[:, 0])))
     return np.column_stack([direction, np.linalg.norm(points - position, axis=1) - observed[:, 1]])
 
 
 def _refine(
-    points: FloatArray, observed: FloatArray, sigma: FloatArray, seed: tuple[FloatArray, float]
+    points: FloatArray, observed: FloatArray, sigma: FloatArray, seed: tuple[FloatArray, float], turns: bool
 ) -> tuple[FloatArray, float] | None:
     position, kappa = seed
     used = np.isfinite(observed)
@@ -369,7 +249,7 @@ def _refine(
         offset = points - position
         square = np.maximum(np.sum(offset**2, axis=1), 1e-24)
         design = np.zeros((len(points), 2, 3))
-        design[:, 0, 0], design[:, 0, 1], design[:, 0, 2] = -offset[:, 1] / square, offset[:, 0] / square, 1.0
+        design[:, 0, 0], design[:, 0, 1], design[:, 0, 2] = -offset[:, 1] / square, offset[:, 0] / square, turns
         design[:, 1, :2] = -offset / np.sqrt(square)[:, None]
         misclosure = _misclosure(points, observed, position, kappa)
         rows = (design / sigma[:, None])[used]

@@ -11,17 +11,11 @@ from mor.start.bundle import sphere
 from mor.start.free_station import (
     FitQuality,
     FreeStation,
-    PlaneIntersection,
     PointDistances,
-    SectionOutcome,
     StationOutcome,
     agreeing,
-    arc_section,
-    bearing_section,
     core_of,
     free_station_level,
-    misclosures_of_arcs,
-    misclosures_of_bearings,
     shape_of_distances,
 )
 from mor.start.movement import FreeRotation, Ties, movement
@@ -139,11 +133,13 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
             bearings.setdefault(point, []).append((part.points[sight.position, :2], direction - kappa))
     added = False
     for point, found in bearings.items():
-        if len(found) < 2 or not _meet_well([t for _, t in found]):
+        if len(found) < 2:
             continue
-        section, count = _bearings_that_agree(np.array([xy for xy, _ in found]), np.array([t for _, t in found]))
-        if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], rule("intersection of {count} bearings", count=count))
+        stations, t = np.array([xy for xy, _ in found]), np.array([t for _, t in found])
+        section = station_that_agrees(stations, t + np.pi, np.full(len(t), np.nan), 1.0, oriented=True)
+        if section.outcome is StationOutcome.DETERMINED:
+            count = len(section.residuals)
+            _place(part, point, section.position, rule("intersection of {count} bearings", count=count))
             added = True
     return added
 
@@ -158,39 +154,13 @@ def grow_arcs(part: Part, distances: Distances) -> bool:
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
             continue
-        section, count = _arcs_that_agree(np.array(centres), np.array(lengths))
-        if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], rule("section of {count} arcs", count=count))
+        sigma = SIGMA_DIRECTION * float(np.median(lengths))
+        section = station_that_agrees(np.array(centres), np.full(len(lengths), np.nan), np.array(lengths), sigma)
+        if section.outcome is StationOutcome.DETERMINED:
+            count = len(section.residuals)
+            _place(part, point, section.position, rule("section of {count} arcs", count=count))
             known[point] = added = True
     return added
-
-
-def _bearings_that_agree(stations: FloatArray, bearings: FloatArray) -> tuple[PlaneIntersection, int]:
-    """The section of those bearings that agree, and how many these are."""
-
-    def fit(rows: IntArray) -> FitQuality:
-        section = bearing_section(stations[rows], bearings[rows])
-        if section.outcome is not SectionOutcome.DETERMINED:
-            return FitQuality(np.inf, np.zeros(0))
-        return FitQuality(
-            section.sigma0, np.abs(misclosures_of_bearings(stations[rows], bearings[rows], section.point))
-        )
-
-    rows = agreeing(len(bearings), fit, SECTION_FITS, least=3)
-    return bearing_section(stations[rows], bearings[rows]), len(rows)
-
-
-def _arcs_that_agree(stations: FloatArray, lengths: FloatArray) -> tuple[PlaneIntersection, int]:
-    """The section of those arcs that agree, and how many these are."""
-
-    def fit(rows: IntArray) -> FitQuality:
-        section = arc_section(stations[rows], lengths[rows])
-        if section.outcome is not SectionOutcome.DETERMINED:
-            return FitQuality(np.inf, np.zeros(0))
-        return FitQuality(section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point)))
-
-    rows = agreeing(len(lengths), fit, SECTION_FITS * float(np.median(lengths)), least=3)
-    return arc_section(stations[rows], lengths[rows]), len(rows)
 
 
 def known_arcs(
@@ -204,12 +174,6 @@ def known_arcs(
             centres.append(part.points[other, :2])
             lengths.append(length)
     return centres, lengths
-
-
-def _meet_well(bearings: list[float]) -> bool:
-    differences = np.subtract.outer(bearings, bearings)
-    # Radians at which two bearings must meet.
-    return bool(np.abs(np.sin(differences)).max() > 0.05)
 
 
 def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> bool:
@@ -232,22 +196,26 @@ def _free_station(part: Part, sight: LevelledSet, distances: Distances) -> tuple
         return None
     lengths = np.array([distances.between(part, sight.position, int(point)) for point in points])
     size = np.ptp(part.points[points, :2], axis=0).max()
-    result = _station_that_agrees(part.points[points, :2], sight.directions[known], lengths, 1e-3 * size)
+    result = station_that_agrees(part.points[points, :2], sight.directions[known], lengths, 1e-3 * size)
     if result.outcome is StationOutcome.DETERMINED and np.isfinite(result.kappa):
         return result.position, result.kappa
     return None
 
 
-def _station_that_agrees(points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float) -> FreeStation:
+def station_that_agrees(
+    points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float, oriented: bool = False
+) -> FreeStation:
+    """Return the free station by those of the directions and lengths (n,) that agree; ``sigma`` that of lengths."""
+
     def station(rows: IntArray) -> FreeStation:
-        return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma)
+        return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma, oriented)
 
     def fit(rows: IntArray) -> FitQuality:
         found = station(rows)
         scaled = np.nan_to_num(np.abs(found.residuals) / [SIGMA_DIRECTION, sigma])
         return FitQuality(float(np.nan_to_num(found.sigma0, nan=np.inf)), scaled.max(axis=1, initial=0.0))
 
-    least = 5 if np.isnan(lengths).all() else 4
+    least = 5 if np.isnan(lengths).all() and not oriented else 4
     if len(points) < least:
         return station(np.arange(len(points)))
     return station(agreeing(len(points), fit, SECTION_FITS / SIGMA_DIRECTION, least - 1))
