@@ -543,96 +543,55 @@ def to_plane(network: Network) -> Network:
         )
     if network.world is None:
         return network
-    horizon = network.world.horizon
-    groups = tuple(
-        _attitudes(group, network.start["rotation"])
-        if group.type.key in ("projected_attitude", "navigation_attitude")
-        else _PLAIN[group.type.key](group, horizon)
-        if group.type.key in _PLAIN
-        else group
-        for group in network.groups
-    )
-    return replace(network, groups=groups)
+    horizon, rotations = network.world.horizon, network.start.get("rotation", np.zeros((0, 3, 3)))
+    return replace(network, groups=tuple(_in_plane(group, horizon, rotations) for group in network.groups))
 
 
-def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    observed = kept.observed @ horizon.axes.T
-    return replace(kept, type=PLAIN_TYPES["vector"], observed=observed, blocks=kept.blocks[:-1])
+def _in_plane(group: ObservationGroup, horizon: Horizon, rotations: FloatArray) -> ObservationGroup:
+    """Return a group on the earth as plain observations; of vectors, positions and attitudes the complete rows."""
+    key, constants = group.type.key, group.constants
+    coordinates, flat = PLAIN_TYPES["coordinates"], np.zeros(group.count, dtype=np.int64)
+    match key:
+        case "gnss_vector":
+            kept = _complete(group)
+            observed = kept.observed @ horizon.axes.T
+            return replace(kept, type=PLAIN_TYPES["vector"], observed=observed, blocks=kept.blocks[:-1])
+        case "gnss_position":
+            kept = _complete(group)
+            observed = horizon.from_geocentric(kept.observed)
+            return replace(kept, type=coordinates, observed=observed, blocks=kept.blocks[:-1])
+        case "geodetic_position":
+            kept = _complete(group)
+            sigma = np.where(kept.type.wraps, kept.sigma * horizon.ellipsoid.a, kept.sigma)
+            return replace(kept, type=coordinates, observed=horizon.from_geodetic(kept.observed), sigma=sigma)
+        case "projected_attitude" | "navigation_attitude":
+            kept = _complete(group)
+            _, image, boresight = kept.blocks
+            observed = in_object_axes(kept.type, kept.observed, kept.constants, rotations[boresight])
+            return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=(image,))
+        case "projected_position" | "control":  # their first constants are coordinates of the object system
+            return replace(group, type=coordinates, observed=np.where(group.mask, constants[:, :3], np.nan))
+        case "ellipsoidal_height" | "orthometric_height":
+            height = group.observed + (constants[:, :1] if group.type.constants else 0.0)
+            nothing = np.full((group.count, 2), np.nan)
+            observed, sigma = np.hstack([nothing, height]), np.hstack([nothing, group.sigma])
+            return replace(group, type=coordinates, observed=observed, sigma=sigma)
+        case "height_difference" | "ellipsoidal_height_difference":
+            rise = constants[:, 1:] - constants[:, :1] if group.type.constants else 0.0
+            return replace(group, type=PLAIN_TYPES["height_difference"], observed=group.observed + rise)
+        case "azimuth" | "astronomic_azimuth":
+            return replace(group, type=PLAIN_TYPES["bearing"])
+        case "projected_bearing":  # block 0 is the height that nothing has
+            start, end = group.blocks
+            return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
+        case "ellipsoid_arc" | "ellipsoid_chord" | "mean_sea_level_distance" | "height_reduced_distance":
+            start, end, meter = group.blocks
+            return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
+    return group
 
 
-def _geocentric(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    observed = horizon.from_geocentric(kept.observed)
-    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, blocks=kept.blocks[:-1])
-
-
-def _geodetic(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    sigma = np.where(kept.type.wraps, kept.sigma * horizon.ellipsoid.a, kept.sigma)
-    observed = horizon.from_geodetic(kept.observed)
-    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
-
-
-def _as_constants(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    """The coordinates of the object system are the first three constants."""
-    observed = np.where(group.mask, group.constants[:, :3], np.nan)
-    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed)
-
-
-def _heights(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    geoid = group.constants[:, :1] if group.type.constants else 0.0
-    nothing = np.full((group.count, 2), np.nan)
-    observed, sigma = (np.hstack([nothing, column]) for column in (group.observed + geoid, group.sigma))
-    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
-
-
-def _differences(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    rise = group.constants[:, 1:] - group.constants[:, :1] if group.type.constants else 0.0
-    return replace(group, type=PLAIN_TYPES["height_difference"], observed=group.observed + rise)
-
-
-def _bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    return replace(group, type=PLAIN_TYPES["bearing"])
-
-
-def _level_bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    start, end = group.blocks
-    flat = np.zeros(group.count, dtype=np.int64)  # the block of the height that nothing has
-    return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
-
-
-def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    start, end, meter = group.blocks
-    flat = np.zeros(group.count, dtype=np.int64)  # the block of the height that nothing has
-    return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
-
-
-def _attitudes(group: ObservationGroup, rotations: FloatArray) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    _, image, boresight = kept.blocks
-    observed = in_object_axes(kept.type, kept.observed, kept.constants, rotations[boresight])
-    return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=(image,))
-
-
-_PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
-    "gnss_vector": _vectors,
-    "gnss_position": _geocentric,
-    "geodetic_position": _geodetic,
-    "projected_position": _as_constants,
-    "control": _as_constants,
-    "ellipsoidal_height": _heights,
-    "orthometric_height": _heights,
-    "height_difference": _differences,
-    "ellipsoidal_height_difference": _differences,
-    "azimuth": _bearings,
-    "astronomic_azimuth": _bearings,
-    "projected_bearing": _level_bearings,
-    "ellipsoid_arc": _distances,
-    "ellipsoid_chord": _distances,
-    "mean_sea_level_distance": _distances,
-    "height_reduced_distance": _distances,
-}
+def _complete(group: ObservationGroup) -> ObservationGroup:
+    return some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
 
 
 # ---- Observations to projection centres, as start values take them: as to the places of the images.

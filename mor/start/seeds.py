@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import reduce
 from itertools import combinations, islice
 from typing import NamedTuple
 
@@ -24,7 +23,7 @@ from mor.start.image_pair import (
 from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, misses, rule
 from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
 from mor.start.scene import Scene
-from mor.start.sights import LevelledSet, Terrestrial
+from mor.start.sights import Terrestrial
 from mor.types import FloatArray, IntArray
 
 # ---- Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
@@ -308,98 +307,44 @@ def seed_levelled(
     A station ``with_distances`` of its own has its scale. Of one without, the distance to another station that it
     sights is taken as one. Sets that have to find their orientation come before bearings.
     """
-    reach, meeting = _measured_from(measured), _bearings_at(measured)
-    best = None
+    lengths = (measured.slopes, measured.horizontals)
+    reach = {frozenset(ends) for one in lengths for ends in zip(one.start.tolist(), one.end.tolist(), strict=True)}
+    bearings = [end for one in measured.sights if one.oriented for end in (one.position, *one.points.tolist())]
+    meeting, stations = Counter(bearings), {one.position for one in measured.sights}
+    alone = not tried and len(measured.sights) == 1
+    best, rank, base = -1, (False, 0), 0
     for number, sight in enumerate(measured.sights):
-        if number in tried or sight.position not in unknown:
+        here, told = sight.position, np.flatnonzero(np.isfinite(sight.directions)).tolist()
+        if number in tried or here not in unknown or not told:
             continue
+        sighted = sight.points.tolist()
+        reached = {sighted[k] for k in told if frozenset((here, sighted[k])) in reach}
+        others = [k for k in told if sighted[k] in stations and sighted[k] != here]
         if sight.oriented:
-            count = _promise_of_bearing(sight, reach, meeting, with_distances)
+            # Bearings that meet at the end with fewer of them; one that nothing else meets does not make a network.
+            count, others = min(meeting[here], meeting[sighted[0]]), told
+            usable = bool(reached) if with_distances else count > 1
         else:
-            count = _promise(measured, sight, reach, with_distances, alone=not tried and len(measured.sights) == 1)
-        rank = (not sight.oriented, count)
-        if count and (best is None or rank > best[0]):
-            best = (rank, number)
-    if best is None:
+            # The only set of a network may sight a single point.
+            count = len(reached if with_distances else told)
+            usable = len(told) > (not alone) and bool(reached if with_distances else others)
+        if usable and (not sight.oriented, count) > rank:
+            best, rank, base = number, (not sight.oriented, count), others[0] if others else 0
+    if best < 0:
         return None
-    tried.add(best[1])
-    sight = measured.sights[best[1]]
+    tried.add(best)
+    sight = measured.sights[best]
     part = empty_part(points)
-    part.levelled, part.oriented = True, sight.oriented
+    part.levelled, part.oriented, part.scaled = True, sight.oriented, with_distances
     part.points[sight.position] = 0.0
-    part.kappas[best[1]] = 0.0
+    part.kappas[best] = 0.0
     part.began = rule("origin of a local system at {one}", one=sight.name)
     part.how[f"point {sight.position}"] = part.began
-    part.scaled = with_distances
     if not with_distances:
-        _unit_base(part, *_base(measured, sight))
+        point, direction = int(sight.points[base]), sight.directions[base]
+        part.points[point, :2] = [np.sin(direction), np.cos(direction)]
+        part.how[f"point {point}"] = rule("base of length one")
     return part
-
-
-def _bearings_at(measured: Terrestrial) -> Counter[int]:
-    meeting: Counter[int] = Counter()
-    for sight in measured.sights:
-        if sight.oriented:
-            meeting.update([sight.position, *sight.points.tolist()])
-    return meeting
-
-
-def _promise_of_bearing(
-    sight: LevelledSet, reach: dict[int, set[int]], meeting: Counter[int], with_distances: bool
-) -> int:
-    """Bearings that meet at the end with fewer of them; one that nothing else meets does not make a network."""
-    ends = [sight.position, int(sight.points[0])]
-    if with_distances and ends[1] not in reach.get(ends[0], set()):
-        return 0
-    count = min(meeting[end] for end in ends)
-    return count if with_distances or count > 1 else 0
-
-
-def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
-    reach: dict[int, set[int]] = {}
-    for lengths in (measured.slopes, measured.horizontals):
-        for a, b in zip(lengths.start.tolist(), lengths.end.tolist(), strict=True):
-            reach.setdefault(a, set()).add(b)
-            reach.setdefault(b, set()).add(a)
-    return reach
-
-
-def _promise(
-    measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool, alone: bool
-) -> int:
-    """Sighted points, where the set can begin a part: with distances two of them, without another station.
-
-    The only set of a network may sight one.
-    """
-    sighted = sight.points[np.isfinite(sight.directions)]
-    if len(sighted) < (1 if alone else 2):
-        return 0
-    if with_distances:
-        both = len(reach.get(sight.position, set()).intersection(sighted.tolist()))
-        return both if both > 0 else 0
-    return len(sighted) if _other_station(measured, sight) is not None else 0
-
-
-def _other_station(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float] | None:
-    stations = {other.position for other in measured.sights}
-    for point, direction in zip(sight.points.tolist(), sight.directions, strict=True):
-        if point in stations and np.isfinite(direction) and point != sight.position:
-            return point, float(direction)
-    return None
-
-
-def _base(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float]:
-    if sight.oriented:
-        return int(sight.points[0]), float(sight.directions[0])
-    other = _other_station(measured, sight)
-    assert other is not None
-    return other
-
-
-def _unit_base(part: Part, point: int, direction: float) -> None:
-    """Directions alone: another station comes at the distance one."""
-    part.points[point, :2] = [np.sin(direction), np.cos(direction)]
-    part.how[f"point {point}"] = rule("base of length one")
 
 
 # ---- Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
@@ -409,15 +354,25 @@ def seed_plan(
     measured: Terrestrial, unknown: set[int], points: int, tried: set[int]
 ) -> tuple[Part | None, Phrase | None]:
     """A part of the three sets that share most points, or why there is none; ``tried`` remembers sets."""
-    sets = _largest_sets(measured, unknown, tried)
-    chosen = _best_three(measured, sets)
-    if chosen is None:
+    # The set of every unknown station that sees most, with what it read first to each point.
+    largest: dict[int, tuple[int, dict[int, float]]] = {}
+    for number, sight in enumerate(measured.sights):
+        told = np.flatnonzero(np.isfinite(sight.directions))[::-1]
+        seen = dict(zip(sight.points[told].tolist(), sight.directions[told].tolist(), strict=True))
+        asked = not sight.oriented and sight.position in unknown and number not in tried
+        if asked and len(seen) > max(2, len(largest.get(sight.position, (0, {}))[1])):
+            largest[sight.position] = number, seen
+    sets = dict(sorted(largest.values(), key=lambda one: (-len(one[1]), one[0]))[:30])
+    shared = {(i, j, k): sets[i].keys() & sets[j].keys() & sets[k].keys() for i, j, k in combinations(sets, 3)}
+    chosen = max(shared, key=lambda three: len(shared[three]), default=())
+    # Five points leave nothing over that could tell shapes apart.
+    if len(shared.get(chosen, ())) < 6:
         return None, None
     tried.update(chosen)
     sights = [measured.sights[number] for number in chosen]
-    common = _common(sights)
-    shapes = three_bundles(np.array([_directions(sight, common) for sight in sights]))
-    others = [measured.sights[number] for number in sets if number not in chosen]
+    common = evenly(np.array(sorted(shared[chosen]), dtype=np.int64), 30)
+    shapes = three_bundles(np.array([[sets[number][p] for p in common.tolist()] for number in chosen]))
+    others = [seen for number, seen in sets.items() if number not in chosen]
     ranked = sorted((_misfit(shape, common, others), k) for k, shape in enumerate(shapes))
     names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
     if not ranked or not np.isfinite(ranked[0][0]):
@@ -427,67 +382,9 @@ def seed_plan(
     # How many times as far the rays of another shape have to pass by for it to be out of the question.
     if len(ranked) > 1 and ranked[1][0] < 3.0 * ranked[0][0]:
         return None, rule("directions of {one}, {two} and {three}: two solutions in plan fit equally well", **names)
-    return _seed_plan_part(chosen, sights, common, shapes[ranked[0][1]], points), None
-
-
-def _largest_sets(measured: Terrestrial, unknown: set[int], tried: set[int]) -> list[int]:
-    """The set of every unknown station that sees most, those with most points first."""
-    largest: dict[int, tuple[int, int]] = {}
-    for number, sight in enumerate(measured.sights):
-        if sight.oriented or sight.position not in unknown or number in tried:
-            continue
-        count = int(np.isfinite(sight.directions).sum())
-        if count >= 3 and (count, -number) > largest.get(sight.position, (0, 0)):
-            largest[sight.position] = (count, -number)
-    return [-number for _, number in sorted(largest.values(), reverse=True)][:30]
-
-
-def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | None:
-    """The three sets with most points in common, ``None`` where none share enough."""
-    seen = {number: set(_seen(measured.sights[number]).tolist()) for number in sets}
-    best = max(combinations(sets, 3), key=lambda three: len(set.intersection(*(seen[n] for n in three))), default=())
-    # Points that three bundles in the plane have to share: five leave nothing over that could tell shapes apart.
-    return best if best and len(set.intersection(*(seen[n] for n in best))) >= 6 else None
-
-
-def _seen(sight: LevelledSet) -> IntArray:
-    return sight.points[np.isfinite(sight.directions)]
-
-
-def _common(sights: list[LevelledSet]) -> IntArray:
-    """Points that all of them see, 30 at the most."""
-    common = reduce(np.intersect1d, [_seen(sight) for sight in sights])
-    return evenly(common, 30)
-
-
-def _directions(sight: LevelledSet, points: IntArray) -> FloatArray:
-    seen = np.flatnonzero(np.isfinite(sight.directions))
-    first = {int(sight.points[row]): row for row in seen[::-1].tolist()}
-    return sight.directions[[first[p] for p in points.tolist()]]
-
-
-def _misfit(shape: PlanShape, points: IntArray, others: list[LevelledSet]) -> float:
-    """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
-    worst, sigma = shape.misfit, 1e-5  # radians; any, for it cancels when two shapes are compared
-    for sight in others:
-        there = np.isin(points, _seen(sight))
-        if np.count_nonzero(there) < 4:
-            continue
-        directions = _directions(sight, points[there])
-        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), sigma, 1.0)
-        if station.outcome is StationOutcome.DOES_NOT_FIT:
-            return float("inf")
-        if station.outcome.usable:
-            worst = max(worst, sigma * station.sigma0)
-    return worst
-
-
-def _seed_plan_part(
-    chosen: tuple[int, ...], sights: list[LevelledSet], common: IntArray, shape: PlanShape, points: int
-) -> Part:
+    shape = shapes[ranked[0][1]]
     part = empty_part(points)
     part.levelled = True
-    names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
     part.began = rule("directions of {one}, {two} and {three} to {count} points", **names, count=len(common))
     for number, sight, place, kappa in zip(chosen, sights, shape.stations, shape.kappas, strict=True):
         part.points[sight.position, :2] = place
@@ -495,4 +392,20 @@ def _seed_plan_part(
         part.how[f"point {sight.position}"] = part.began
     part.points[common, :2] = shape.points
     part.how |= {f"point {p}": part.began for p in common.tolist()}
-    return part
+    return part, None
+
+
+def _misfit(shape: PlanShape, points: IntArray, others: list[dict[int, float]]) -> float:
+    """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
+    worst, sigma = shape.misfit, 1e-5  # radians; any, for it cancels when two shapes are compared
+    for seen in others:
+        there = np.isin(points, list(seen))
+        if np.count_nonzero(there) < 4:
+            continue
+        directions = np.array([seen[p] for p in points[there].tolist()])
+        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), sigma, 1.0)
+        if station.outcome is StationOutcome.DOES_NOT_FIT:
+            return float("inf")
+        if station.outcome.usable:
+            worst = max(worst, sigma * station.sigma0)
+    return worst
