@@ -255,27 +255,16 @@ class ThreePointSolutions(NamedTuple):
     """(m, 3, 3) D."""
 
 
-def resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolutions:
+def resect_three_points(points: FloatArray, rays: FloatArray, nearly: bool = False) -> ThreePointSolutions:
     """All resections with positive distances of s samples of three points (s, 3, 3) by their rays (s, 3, 3).
 
     Up to four per sample. Collinear points, or two equal ones, leave none or senseless ones; on the dangerous
-    cylinder (through the points, upright on their plane) two of them fall together.
+    cylinder (through the points, upright on their plane) two of them fall together. ``nearly``: also the real part of
+    those that errors of the rays have just made complex, which is where the rays fit best.
     """
-    # Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs).
-    return _resected(points, rays, 1e-3, 0.0)
-
-
-def nearly_resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolutions:
-    """All resections, and the real part of those that errors of the rays have just made complex.
-
-    Near the dangerous cylinder that is the place where the rays fit best, a start for an adjustment.
-    """
-    # The same where measuring errors, not rounding, may have parted a double root.
-    # Misclosure of the cosine laws, relative to the largest side squared, of the real part of such a root.
-    return _resected(points, rays, 0.15, 1e-2)
-
-
-def _resected(points: FloatArray, rays: FloatArray, imaginary: float, misclosure: float) -> ThreePointSolutions:
+    # Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs), and misclosure
+    # of the cosine laws, relative to the largest side squared, up to which it may stay as it is.
+    imaginary, misclosure = (0.15, 1e-2) if nearly else (1e-3, 0.0)
     directions = unit(rays)
     sides = np.stack([_side(points, 1, 2), _side(points, 0, 2), _side(points, 0, 1)], axis=1)
     cosines = np.stack([_cosine(directions, 1, 2), _cosine(directions, 0, 2), _cosine(directions, 0, 1)], axis=1)
@@ -434,7 +423,7 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
     # All of few triples at once, else ten before it is asked whether more are needed.
     batch = 80 if comb(len(points), 3) <= 80 else 10
     for triples in samples(len(points), 3, 80, batch, generator):
-        found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
+        found = resect_three_points(points[triples] - centre, bundle.rays[triples], nearly=True)
         fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
         poses, drawn = [*poses, *fresh], drawn + len(triples)
         costs.append(_truncated(bundle, points, fresh))
