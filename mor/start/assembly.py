@@ -67,7 +67,6 @@ from mor.start.scene import (
     grow_relative,
     level_and_scale,
     level_roughly,
-    scale_roughly,
     scene_of,
 )
 from mor.start.seeds import FramePairs, common_pairs, seed_bundles, seed_doubtful, seed_levelled, seed_plan
@@ -375,7 +374,7 @@ def _place_the_rest(assembly: Assembly) -> None:
 def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     """Return the last tie of a part to the object system, controlled or not; by all observations if they say more.
 
-    What nothing tells of the vertical, the scale and the direction it finds as well as it can.
+    What nothing tells of the vertical and the direction it finds as well as it can.
     """
     system, scene = assembly.parts[0], assembly.scene
     by_all = tie_by_observations(assembly.network, system, source, scene, 0)
@@ -384,7 +383,6 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
         if settles or not level_roughly(source, scene):
             return by_all
     level_roughly(source, scene)
-    scale_roughly(source, scene)
     direct_roughly(source, scene)
     return tie(system, source, scene)
 

@@ -375,7 +375,7 @@ def level_roughly(part: Part, scene: Scene) -> bool:
 
     True where it is upright after that.
     """
-    lift = sum((above - below for _, below, _, above in _over_one_place(part, scene.frames, marks=True)), np.zeros(3))
+    lift = _lift(part, scene.frames)
     if not part.levelled and np.any(lift):
         make_upright(part, lift)
     difference, dz = _between_known(part, scene.level_lines)
@@ -399,20 +399,21 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     return True
 
 
-def _over_one_place(
-    part: Part, frames: Sequence[Frame], marks: bool
-) -> list[tuple[float, FloatArray, float, FloatArray]]:
-    """Height and place (3,) of the lowest and the highest instrument, or mark, over each position with two heights."""
+def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
+    """(3,) sum of what leads up over one position: from its point to instrument, from instrument to instrument."""
     over: dict[int, list[tuple[float, FloatArray]]] = {}
     for number, (centre, _) in part.poses.items():
         frame = frames[number]
         if frame.stands:
             over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+    lift = np.zeros(3)
     for position, places in over.items():
-        if marks and np.isfinite(part.points[position]).all():
+        if np.isfinite(part.points[position]).all():
             places.append((0.0, part.points[position]))
-    ends = [(*min(places, key=lambda one: one[0]), *max(places, key=lambda one: one[0])) for places in over.values()]
-    return [one for one in ends if one[2] > one[0]]
+        (low, below), (high, above) = min(places, key=lambda one: one[0]), max(places, key=lambda one: one[0])
+        if high > low:
+            lift += above - below
+    return lift
 
 
 def direct_roughly(part: Part, scene: Scene) -> None:
@@ -482,20 +483,6 @@ def forget_marks(part: Part, scene: Scene) -> None:
     places += [frame.position for frame in scene.frames if frame.stands and frame.offset[0] != 0.0]
     marks = np.unique(np.array(places, dtype=np.int64))
     part.points[marks[~part.fixed[marks]], 2] = np.nan
-
-
-def scale_roughly(part: Part, scene: Scene) -> None:
-    """The scale from instruments of different height over one position, where nothing else tells it."""
-    if part.scaled or not part.levelled:
-        return
-    # Without scale marks are as high as the instruments.
-    over = _over_one_place(part, scene.frames, marks=False)
-    spans = np.array([(high - low, above[2] - below[2]) for low, below, high, above in over])
-    measured, present = spans.reshape(-1, 2).T
-    if present.sum() > 0.0:
-        part.transform(movement_by(float(measured.sum() / present.sum())))
-        part.scaled = True
-        forget_marks(part, scene)
 
 
 def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
