@@ -21,7 +21,7 @@ from mor.start.free_station import (
 from mor.start.movement import FreeRotation, Ties, movement
 from mor.start.part import Distances, Part, Phrase, empty_part, rule
 from mor.start.scene import LocalSystem, Scene
-from mor.start.sights import Choices, LevelledSet, Terrestrial, orient
+from mor.start.sights import Choices, DirectionSet, Terrestrial, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights.
@@ -79,7 +79,7 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
     return added
 
 
-def _unknown_sights(part: Part, sight: LevelledSet) -> list[tuple[int, float]]:
+def _unknown_sights(part: Part, sight: DirectionSet) -> list[tuple[int, float]]:
     unknown = np.isnan(part.points[sight.points, :2]).any(axis=1) & np.isfinite(sight.directions)
     return list(zip(sight.points[unknown].tolist(), sight.directions[unknown].tolist(), strict=True))
 
@@ -189,7 +189,7 @@ def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> b
     return added
 
 
-def _free_station(part: Part, sight: LevelledSet, distances: Distances) -> tuple[FloatArray, float] | None:
+def _free_station(part: Part, sight: DirectionSet, distances: Distances) -> tuple[FloatArray, float] | None:
     known = np.isfinite(part.points[sight.points, :2]).all(axis=1)
     points = sight.points[known]
     if len(points) < 2:

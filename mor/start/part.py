@@ -16,7 +16,7 @@ from mor.model.images import is_image_point
 from mor.project.network import Network
 from mor.project.prior_knowledge import farthest_from_line, feature_label, turned_towards
 from mor.start.bundle import Similarity, ideal_rays
-from mor.start.sights import LevelledSet, Terrestrial, direction_sets, frame_verticals, polar_rays
+from mor.start.sights import DirectionSet, Terrestrial, direction_sets, frame_verticals, polar_rays
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- How a value was obtained, as a sentence with its names and numbers, which a report may say in another language.
@@ -223,21 +223,21 @@ def theodolite_frames(network: Network) -> list[Frame]:
     frames = []
     up = frame_verticals(network)
     for one in direction_sets(network):
-        both = np.isfinite(one.horizontal) & np.isfinite(one.vertical)
+        both = np.isfinite(one.directions) & np.isfinite(one.verticals)
         if both.any():
             frames.append(
                 Frame(
                     name=one.name,
                     position=one.position,
                     rotation=one.rotation,
-                    height=one.height,
+                    height=one.height_block,
                     eccentricity=0,
                     relative=None,
                     points=one.points[both],
                     heights=one.heights[both],
-                    rays=polar_rays(one.horizontal[both], one.vertical[both]),
+                    rays=polar_rays(one.directions[both], one.verticals[both]),
                     sigma=np.hypot(3.0 * one.sigma[both], 1e-5),
-                    offset=_offset(network, one.height, 0),
+                    offset=_offset(network, one.height_block, 0),
                     up=up[one.rotation],
                 )
             )
@@ -435,57 +435,34 @@ class Distances:
     """
 
     def __init__(self, measured: Terrestrial, scaled: bool):
-        self.lifts = scaled
         self.horizontal: dict[tuple[int, int], float] = {}
         self.slope: dict[tuple[int, int], tuple[float, float]] = {}
-        self.vertical: dict[tuple[int, int], tuple[float, float]] = {}
         self.neighbours: dict[int, set[int]] = {}
         self.sigma: dict[tuple[int, int], float] = {}
         """By the two ends, the smaller number first."""
-        self._collect_verticals(measured)
-        self._as_arrays()
-        if not scaled:
-            return
-        for lengths in (measured.horizontals, measured.slopes):
-            ends = zip(lengths.start.tolist(), lengths.end.tolist(), strict=True)
-            self.sigma |= {(min(a, b), max(a, b)): s for (a, b), s in zip(ends, lengths.sigma.tolist(), strict=True)}
-        for a, b, s in zip(
-            measured.horizontals.start, measured.horizontals.end, measured.horizontals.value[:, 0], strict=True
-        ):
-            self._put(self.horizontal, int(a), int(b), float(s))
-        slopes = measured.slopes
-        for a, b, ha, hb, s in zip(
-            slopes.start, slopes.end, slopes.start_height, slopes.end_height, slopes.value[:, 0], strict=True
-        ):
-            rise = float(ha - hb)
-            self.slope[int(a), int(b)], self.slope[int(b), int(a)] = (float(s), rise), (float(s), -rise)
-            self._meet(int(a), int(b))
-
-    def _collect_verticals(self, measured: Terrestrial) -> None:
         v = measured.verticals
-        for a, b, ha, hb, value in zip(v.start, v.end, v.start_height, v.end_height, v.value[:, 0], strict=True):
-            self.vertical[int(a), int(b)] = (float(value), self._lift(ha - hb))
+        rows = [*zip(v.start, v.end, v.value[:, 0], v.start_height - v.end_height, strict=True)]
         for sight in measured.sights:
             for b, hb, value in zip(sight.points, sight.heights, sight.verticals, strict=True):
-                if np.isfinite(value):
-                    self.vertical[sight.position, int(b)] = (float(value), self._lift(sight.height - hb))
-
-    def _as_arrays(self) -> None:
+                rows += [(sight.position, b, value, sight.height - hb)] if np.isfinite(value) else []
+        # Heights of instrument and target count only in the length unit.
+        self.vertical = {(int(a), int(b)): (float(value), float(rise) * scaled) for a, b, value, rise in rows}
         self.ends = np.array(list(self.vertical), dtype=np.int64).reshape(-1, 2)
         steep = np.array(list(self.vertical.values())).reshape(-1, 2)
         self.tangents, self.rises = np.tan(steep[:, 0]), steep[:, 1]
-
-    def _lift(self, rise: float) -> float:
-        """Heights of instrument and target, which count only in the length unit."""
-        return float(rise) if self.lifts else 0.0
-
-    def _put(self, where: dict[tuple[int, int], float], a: int, b: int, value: float) -> None:
-        where[a, b] = where[b, a] = value
-        self._meet(a, b)
-
-    def _meet(self, a: int, b: int) -> None:
-        self.neighbours.setdefault(a, set()).add(b)
-        self.neighbours.setdefault(b, set()).add(a)
+        for lengths in (measured.horizontals, measured.slopes) if scaled else ():
+            rises = lengths.start_height - lengths.end_height
+            for a, b, s, rise, sigma in zip(
+                *(one.tolist() for one in (lengths.start, lengths.end, lengths.value[:, 0], rises, lengths.sigma)),
+                strict=True,
+            ):
+                self.sigma[min(a, b), max(a, b)] = sigma
+                self.neighbours.setdefault(a, set()).add(b)
+                self.neighbours.setdefault(b, set()).add(a)
+                if lengths is measured.slopes:
+                    self.slope[a, b], self.slope[b, a] = (s, rise), (s, -rise)
+                else:
+                    self.horizontal[a, b] = self.horizontal[b, a] = s
 
     def verticals_at(self, point: int) -> list[tuple[int, bool, float, float]]:
         """Other end, whether it was measured there, vertical direction and rise, of all sights from and to a point."""
@@ -562,7 +539,7 @@ class Approximation(NamedTuple):
     """The parts that began beside the object system, in the order in which they joined another one."""
     frames: tuple[Frame, ...] = ()
     """Images and theodolite sets by the numbers they have in ``parts``."""
-    sights: tuple[LevelledSet, ...] = ()
+    sights: tuple[DirectionSet, ...] = ()
     """Levelled sets by the numbers they have in ``parts``."""
     untied: tuple[Join, ...] = ()
     """Parts that lie where they do because nothing was found that ties them, or not in all movements."""

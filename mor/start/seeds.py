@@ -160,23 +160,29 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     rays_b = frames[j].rays[at_j[result.agreeing]]
     cosine = np.einsum("ni,ni->n", rays_a, rays_b @ orientation.rotation)
     angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-    part = empty_part(points)
-    part.slack = slack
-    part.poses[i] = (np.zeros(3), np.eye(3))
-    part.poses[j] = (orientation.base, orientation.rotation)
     names: dict[str, str | int] = {"one": frames[i].name, "other": frames[j].name, "count": count}
-    part.began = rule("relative orientation of {one} and {other}, {count} points", **names)
+    began = rule("relative orientation of {one} and {other}, {count} points", **names)
     # Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet.
     if slack >= 2e-3 or count < 0.9 * len(at_i):
-        part.began = rule(
+        began = rule(
             "relative orientation of {one} and {other}, {count} points (only {count} of {of} pairs of rays meet within "
             "{slack} mrad: camera constant, distortion or identities may be wrong)",
             **names,
             of=len(at_i),
             slack=f"{1e3 * slack:g}",
         )
-    part.how[frames[i].name] = part.how[frames[j].name] = part.began
+    part = _of_two(frames, (i, j), StartOrientation(orientation.base, orientation.rotation), slack, began, points)
     return count * min(angle, 0.6), part
+
+
+def _of_two(
+    frames: Sequence[Frame], pair: tuple[int, int], found: StartOrientation, slack: float, began: Phrase, points: int
+) -> Part:
+    part = empty_part(points)
+    part.slack, part.began = slack, began
+    part.poses[pair[0]], part.poses[pair[1]] = (np.zeros(3), np.eye(3)), (found.base, found.rotation)
+    part.how |= {frames[number].name: began for number in pair}
+    return part
 
 
 @remembered
@@ -261,25 +267,13 @@ def _candidates(scene: Scene, i: int, j: int) -> list[Part]:
         b = direction_bundle(other.rays[at_j], loosened(other.sigma[at_j], slack))
         found = fitting_orientations(a, b)
         if found:
-            return [_part(scene, i, j, seed, slack, len(at_i), len(found)) for seed in found]
+            words = (
+                "relative orientation of {one} and {other}, {count} points, one of {of} that "
+                "fit, chosen because most rays agree with it"
+            )
+            began = rule(words, one=one.name, other=other.name, count=len(at_i), of=len(found))
+            return [_of_two(scene.frames, (i, j), seed, slack, began, scene.points) for seed in found]
     return []
-
-
-def _part(scene: Scene, i: int, j: int, seed: StartOrientation, slack: float, common: int, of: int) -> Part:
-    one, other = scene.frames[i].name, scene.frames[j].name
-    part = empty_part(scene.points)
-    part.slack = slack
-    part.poses[i], part.poses[j] = (np.zeros(3), np.eye(3)), (seed.base, seed.rotation)
-    part.began = rule(
-        "relative orientation of {one} and {other}, {count} points, one of {of} that "
-        "fit, chosen because most rays agree with it",
-        one=one,
-        other=other,
-        count=common,
-        of=of,
-    )
-    part.how[one] = part.how[other] = part.began
-    return part
 
 
 def support(part: Part, frames: Sequence[Frame]) -> float:

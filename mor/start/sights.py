@@ -246,20 +246,25 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
 
 
 class DirectionSet(NamedTuple):
-    """Readings of one set: horizontal and vertical directions in face one, NaN where there is none."""
+    """Directions r = t + κ read clockwise at one position, and vertical directions, in face one; NaN for none."""
 
     name: str
     position: int
     rotation: int
-    height: int
-    """Blocks of the station, its orientation and its instrument height."""
+    """Rotation block of the set, −1 for angles and bearings."""
+    oriented: bool
+    """True where κ = 0 is known: bearings."""
+    height: float
+    """Of the instrument."""
     points: IntArray
     heights: FloatArray
-    """(n,) heights of the targets."""
-    horizontal: FloatArray
-    vertical: FloatArray
-    sigma: FloatArray
-    """(n,) radians, the larger of the two."""
+    """(n,) of the targets."""
+    directions: FloatArray
+    verticals: FloatArray
+    sigma: FloatArray = np.zeros(0)
+    """(n,) radians, the larger of the two; of a set of directions."""
+    height_block: int = -1
+    """Block of the height of the instrument, of a set of directions."""
 
 
 def direction_sets(network: Network) -> list[DirectionSet]:
@@ -284,12 +289,14 @@ def direction_sets(network: Network) -> list[DirectionSet]:
                 f"station {names[rows[0]]}",
                 position,
                 rotation,
-                height,
+                False,
+                float(heights[height]),
                 blocks[3][rows],
                 heights[blocks[4][rows]],
                 readings[rows, 0],
                 readings[rows, 1],
                 sigma[rows],
+                height,
             )
         )
     return sets
@@ -331,22 +338,6 @@ def frame_verticals(network: Network) -> FloatArray:
 # ---- Levelled sights of a network: sets of directions, angles and bearings, and the lengths between positions.
 
 
-class LevelledSet(NamedTuple):
-    """A levelled set at one position: directions r = t + κ clockwise, vertical directions; NaN where there is none."""
-
-    name: str
-    position: int
-    rotation: int
-    """Rotation block that gets κ, −1 for angles and bearings."""
-    oriented: bool
-    """True where κ = 0 is known: bearings."""
-    height: float
-    points: IntArray
-    heights: FloatArray
-    directions: FloatArray
-    verticals: FloatArray
-
-
 class PositionDifferences(NamedTuple):
     """Measured lengths, height differences or vectors between positions, with the heights of instrument and target."""
 
@@ -365,7 +356,7 @@ class PositionDifferences(NamedTuple):
 class Terrestrial(NamedTuple):
     """Everything terrestrial that start values can be taken from."""
 
-    sights: tuple[LevelledSet, ...]
+    sights: tuple[DirectionSet, ...]
     slopes: PositionDifferences
     horizontals: PositionDifferences
     height_differences: PositionDifferences
@@ -377,23 +368,8 @@ class Terrestrial(NamedTuple):
 def terrestrial(network: Network) -> Terrestrial:
     """Sights and lengths of a network."""
     up = frame_verticals(network)
-    heights = network.start["height"][:, 0]
-    # Cosine of the tilt up to which an instrument counts as levelled (0.3 gon).
-    sights = [
-        LevelledSet(
-            one.name,
-            one.position,
-            one.rotation,
-            False,
-            float(heights[one.height]),
-            one.points,
-            one.heights,
-            one.horizontal,
-            one.vertical,
-        )
-        for one in direction_sets(network)
-        if up[one.rotation, 2] > (1.0 - 1e-5)
-    ]
+    # Levelled: the cosine of the tilt is that of 0.3 gon or less.
+    sights = [one for one in direction_sets(network) if up[one.rotation, 2] > 1.0 - 1e-5]
     for group in network.groups:
         if group.type.key == "angle":
             sights += _angles(group)
@@ -409,7 +385,7 @@ def terrestrial(network: Network) -> Terrestrial:
     )
 
 
-def _angles(group: ObservationGroup) -> list[LevelledSet]:
+def _angles(group: ObservationGroup) -> list[DirectionSet]:
     """Angles at one point, those with common legs joined to one set."""
     at, back, fore = group.blocks
     sights = []
@@ -431,7 +407,7 @@ def _angles(group: ObservationGroup) -> list[LevelledSet]:
             points = np.array(list(legs), dtype=np.int64)
             none = np.full(len(points), np.nan)
             sights.append(
-                LevelledSet(
+                DirectionSet(
                     "angles",
                     int(station),
                     -1,
@@ -446,11 +422,11 @@ def _angles(group: ObservationGroup) -> list[LevelledSet]:
     return sights
 
 
-def _bearings(group: ObservationGroup) -> list[LevelledSet]:
+def _bearings(group: ObservationGroup) -> list[DirectionSet]:
     start, start_height, end, end_height = group.blocks
     del start_height, end_height
     return [
-        LevelledSet("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
+        DirectionSet("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
         for a, b, t in zip(start, end, group.observed[:, 0], strict=True)
     ]
 
