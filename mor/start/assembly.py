@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -109,7 +110,10 @@ class Assembly:
 def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
     """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
     before = len(part.poses)
-    while not part.handed and _grow_shape(part, scene):
+    # By distances alone: directions would accept a mirrored shape.
+    while not part.handed and (
+        grow_arcs(part, scene.distances[1]) if part.levelled else grow_single_points(part, scene)
+    ):
         pass
     while part.handed:
         grown = level_and_scale(part, scene)
@@ -126,11 +130,6 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         if most is not None and len(part.poses) - before >= most:
             return False
     return True
-
-
-def _grow_shape(part: Part, scene: Scene) -> bool:
-    """Grow by distances alone, because directions would accept a mirrored shape."""
-    return grow_arcs(part, scene.distances[1]) if part.levelled else grow_single_points(part, scene)
 
 
 def _sets_and_poses(part: Part, scene: Scene) -> None:
@@ -161,7 +160,8 @@ def next_seed(assembly: Assembly) -> Part | None:
     part = seed_levelled(measured, unknown, scene.points, tried, with_distances=True)
     if part is not None:
         return part
-    free = _free_frames(assembly)
+    posed = [number for one in assembly.parts for number in one.poses]
+    free = ~np.isin(np.arange(len(scene.frames)), posed)
     for chained in (False, True):
         part = _seed_of_frames(assembly, free, chained)
         if part is not None:
@@ -240,14 +240,6 @@ def _known_points(assembly: Assembly) -> BoolArray:
     return known
 
 
-def _free_frames(assembly: Assembly) -> BoolArray:
-    """Frames (n,) that no part has a pose of."""
-    free = np.ones(len(assembly.scene.frames), dtype=bool)
-    for part in assembly.parts:
-        free[list(part.poses)] = False
-    return free
-
-
 # ---- Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
 
 
@@ -316,13 +308,14 @@ def _join_all(assembly: Assembly, ambiguous: bool = False) -> bool:
     parts, scene = assembly.parts, assembly.scene
     joined_any = False
     while True:
-        pair = _joined_pair(parts, scene, ambiguous)
+        ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
+        pairs = combinations(ordered, 2)
+        pair = next((pair for pair in pairs if join(*pair, scene, ambiguous)), None)
         if pair is None:
             return joined_any
         joined_any = True
-        target, source = pair
-        parts[:] = [part for part in parts if part is not source]
-        grow(target, scene, assembly.fewest)
+        parts[:] = [part for part in parts if part is not pair[1]]
+        grow(pair[0], scene, assembly.fewest)
 
 
 def _join_by_observations(assembly: Assembly) -> bool:
@@ -331,24 +324,14 @@ def _join_by_observations(assembly: Assembly) -> bool:
     if assembly.fewest > FEWEST:
         return False
     ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
-    for number, target in enumerate(ordered):
-        for source in ordered[number + 1 :]:
-            found = tie_by_observations(assembly.network, target, source, scene)
-            if found is not None and not found.open:
-                carry(target, source, scene, found)
-                parts[:] = [part for part in parts if part is not source]
-                grow(target, scene, assembly.fewest)
-                return True
+    for target, source in combinations(ordered, 2):
+        found = tie_by_observations(assembly.network, target, source, scene)
+        if found is not None and not found.open:
+            carry(target, source, scene, found)
+            parts[:] = [part for part in parts if part is not source]
+            grow(target, scene, assembly.fewest)
+            return True
     return False
-
-
-def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
-    ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
-    for number, target in enumerate(ordered):
-        for source in ordered[number + 1 :]:
-            if join(target, source, scene, ambiguous):
-                return target, source
-    return None
 
 
 def _place_the_rest(assembly: Assembly) -> None:
@@ -412,7 +395,7 @@ def from_random_places(
         network.observations > 1_000
         or not kinds <= {"point", "rotation", "scale"}
         or any(feature.type == "line" for feature in network.project.features)
-        or not _asks(network, found)
+        or not _is_missing_more_than_far_points(network, found)
     ):
         return None
     words = (
@@ -437,7 +420,7 @@ def from_random_places(
     return None
 
 
-def _asks(network: Network, found: Approximation) -> bool:
+def _is_missing_more_than_far_points(network: Network, found: Approximation) -> bool:
     """False where all that is missing are points whose rays are nearly parallel: these have places of their own."""
     apart = nearly_parallel(network, found.start).points
     names = {network.blocks["point"].ids[p] for p in apart.tolist()}
@@ -668,7 +651,9 @@ def _likeliest(
         return assembled(network, replace(scene, choices=choices))
 
     def judged(assembly: Assembly) -> Judgement:
-        return _as_they_stand(assembly, _approximation(assembly))
+        found = _approximation(assembly)
+        missing = sum(thing.observations > 1 for thing in found.missing)
+        return Judgement(missing, *disagreement(assembly.network.groups, found.start))
 
     def adjusted(assembly: Assembly, judgement: Judgement) -> Judgement:
         return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
@@ -699,12 +684,6 @@ def _left_free(network: Network) -> tuple[FreeRotation, bool]:
         turn = FreeRotation.ANY if {key.split("/")[0] for key in keys} <= turning else FreeRotation.VERTICAL
     scaled = any(component.quantity.length for type_ in types for component in type_.components)
     return turn, scaled
-
-
-def _as_they_stand(assembly: Assembly, found: Approximation) -> Judgement:
-    """Count things without start values and measure the agreement of the others."""
-    missing = sum(thing.observations > 1 for thing in found.missing)
-    return Judgement(missing, *disagreement(assembly.network.groups, found.start))
 
 
 def _adjusted(

@@ -144,7 +144,8 @@ def resect_directions(points: FloatArray, directions: FloatArray) -> tuple[Float
     padded, right = principal_rows(rows)
     solution = right[3] / np.hypot(right[3, 0], right[3, 1])
     c, s, u, v = solution
-    if _looking_back(x, y, directions, c, s, u, v):
+    ahead = sine * (c * x + s * y - u) + cosine * (c * y - s * x - v)
+    if np.sum(ahead > 0.0) < np.sum(ahead < 0.0):
         c, s, u, v = -c, -s, -u, -v
     position = centre + size * np.array([c * u - s * v, s * u + c * v])
     return position, float(np.arctan2(s, c)), padded
@@ -153,11 +154,6 @@ def resect_directions(points: FloatArray, directions: FloatArray) -> tuple[Float
 def _places(points: FloatArray) -> int:
     """Number of different places: a target that is sighted again tells nothing more of where the station is."""
     return len(np.unique(points, axis=0))
-
-
-def _looking_back(x: FloatArray, y: FloatArray, directions: FloatArray, c: float, s: float, u: float, v: float) -> bool:
-    ahead = np.sin(directions) * (c * x + s * y - u) + np.cos(directions) * (c * y - s * x - v)
-    return bool(np.sum(ahead > 0.0) < np.sum(ahead < 0.0))
 
 
 def _on_circle(points: FloatArray, directions: FloatArray, sigma: float) -> bool:

@@ -415,13 +415,14 @@ def apart(a: Bundle, b: Bundle, unknowns: FloatArray, most: int) -> list[FloatAr
     for index in order:
         if len(kept) == most:
             break
-        if all(_apart(unknowns[index], other) for other in kept):
+        if all(_apart(unknowns[index], other, 0.02) for other in kept):
             kept.append(unknowns[index])
     return kept
 
 
-def _apart(first: FloatArray, second: FloatArray) -> bool:
-    return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > 0.02
+def _apart(first: FloatArray, second: FloatArray, tolerance: float) -> bool:
+    """True where two sets of auxiliary unknowns, whose signs are free, differ."""
+    return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > tolerance
 
 
 def adjust_seeds(a: Bundle, b: Bundle, seeds: list[StartOrientation]) -> list[Coplanarity]:
@@ -453,13 +454,9 @@ def distinct(adjusted: list[Coplanarity]) -> list[Coplanarity]:
     kept: list[Coplanarity] = []
     for one in sorted(adjusted, key=lambda orientation: orientation.objective):
         ik = auxiliary_unknowns(one.base, one.rotation)
-        if all(_differs(ik, auxiliary_unknowns(other.base, other.rotation)) for other in kept):
+        if all(_apart(ik, auxiliary_unknowns(other.base, other.rotation), 1e-4) for other in kept):
             kept.append(one)
     return kept
-
-
-def _differs(first: FloatArray, second: FloatArray) -> bool:
-    return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > 1e-4
 
 
 def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: SceneGeometry) -> bool:
@@ -596,8 +593,8 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
                 if cost < best_cost:
                     best, best_cost = unknowns[index], cost
                     agreeing = float(np.mean(counted < TRUNCATION))
-        # A sample free of wrong pairs may still be too noisy to tell: three of them are asked for.
-        if best is not None and drawn / 3.0 >= _samples_needed(agreeing):
+        # A sample free of wrong pairs may still be too noisy: three are asked for, but for a probability of 1e-4.
+        if best is not None and drawn / 3.0 >= np.log(1e-4) / np.log(1.0 - min(max(agreeing, 1e-3), 1.0 - 1e-6) ** 5):
             break
     return best, drawn
 
@@ -606,12 +603,6 @@ def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> Flo
     """Residuals truncated, those of points behind too: a plane bears unknowns that fit with half of it behind."""
     _, front = facing(a, b, ik)
     return np.asarray(np.where(front, np.minimum(residuals, TRUNCATION), TRUNCATION))
-
-
-def _samples_needed(agreeing: float) -> float:
-    clean = min(max(agreeing, 1e-3), 1.0 - 1e-6) ** 5
-    # Probability left that no sample was free of wrong pairs.
-    return float(np.log(1e-4) / np.log(1.0 - clean))
 
 
 def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:

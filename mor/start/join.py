@@ -11,7 +11,6 @@ from mor.errors import CONTRADICTED, UndeterminedObject
 from mor.model import rotations
 from mor.model.contract import ObservationType
 from mor.model.coordinates import target_slot
-from mor.model.parameters import Blocks
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
 from mor.model.shapes import SHAPE_TYPES
 from mor.model.terrestrial import HEIGHT_DIFFERENCE
@@ -159,8 +158,15 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
 
 def free_movements(target: Part, source: Part) -> int:
     """Return the number of movements of two parts against each other if nothing ties them."""
-    turns = 3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
-    return 3 + turns + (not (target.scaled and source.scaled))
+    turns = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
+    return 3 + turns[turn_between(target, source)] + (not (target.scaled and source.scaled))
+
+
+def turn_between(target: Part, source: Part) -> FreeRotation:
+    """Return the turns of two parts against each other that their verticals and directions leave free."""
+    if not (target.levelled and source.levelled):
+        return FreeRotation.ANY
+    return FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL
 
 
 def lay_upon(part: Part, places: FloatArray, turn: FreeRotation, scaled: bool) -> None:
@@ -227,11 +233,7 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
 def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     """The movement from source to target by their common points, centres and attitudes."""
     both = source.levelled and target.levelled
-    turn = (
-        (FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL)
-        if both
-        else FreeRotation.ANY
-    )
+    turn = turn_between(target, source)
     points, goals = _common_points(target, source, scene, both)
     centres, places = _common_centres(target, source, scene)
     axes, goal_axes = _common_attitudes(target, source, scene)
@@ -384,8 +386,9 @@ def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
     """
     turned: set[int] = set()
     for one in _systems(network):
-        recomputed = _is_feature(network.blocks["rotation"], one) and bool(
-            np.isnan(network.start["point"][one.points]).any()
+        about = network.blocks["rotation"].about_axes
+        recomputed = (
+            about is not None and bool(about[one.rotation]) and bool(np.isnan(network.start["point"][one.points]).any())
         )
         known = np.isfinite(start["point"][one.points]).all(axis=1)
         lacking = np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
@@ -445,10 +448,6 @@ def _systems(network: Network) -> Iterator[_Measured]:
         rows = np.flatnonzero((blocks[1] == rotation) & (blocks[3] == own))
         origin, _, scale, offset = (int(blocks[slot][rows[0]]) for slot in range(4))
         yield _Measured(origin, int(rotation), scale, offset, blocks[4][rows], local[rows])
-
-
-def _is_feature(blocks: Blocks, one: _Measured) -> bool:
-    return blocks.about_axes is not None and bool(blocks.about_axes[one.rotation])
 
 
 def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool, turned: bool) -> None:
@@ -537,24 +536,15 @@ def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     part.levelled = part.oriented = part.scaled = part.given = True
     for number, frame in enumerate(frames):
         if frame.relative is not None:
-            follower = _follower_pose(network, frame)
-            if follower is not None:
-                part.poses[number] = follower
+            turn, base = start["rotation"][frame.relative[0]], start["base"][frame.relative[1]]
+            leader = given_pose(network, frame)
+            if leader is not None and np.isfinite(turn).all() and np.isfinite(base).all():
+                part.poses[number] = leader[0] + leader[1].T @ base, turn @ leader[1]
         else:
             given = given_pose(network, frame)
             if given is not None:
                 part.poses[number] = given
     return part
-
-
-def _follower_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArray] | None:
-    assert frame.relative is not None
-    turn, base = network.start["rotation"][frame.relative[0]], network.start["base"][frame.relative[1]]
-    leader = given_pose(network, frame)
-    if leader is None or not (np.isfinite(turn).all() and np.isfinite(base).all()):
-        return None
-    centre, D = leader
-    return centre + D.T @ base, turn @ D
 
 
 def fill_in(
@@ -741,7 +731,9 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
 def contradicting_points(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
     """Points given as start values and no more that most rays from posed frames pass by."""
     point, off = _rays_past_points(network, system, scene)
-    doubtful = np.flatnonzero(_tested(point, scene) & ~_agreeing(point, off, scene))
+    rays = np.bincount(point, minlength=scene.points)
+    agreeing = np.bincount(point[off < AGREES], minlength=scene.points)
+    doubtful = np.flatnonzero((rays >= 2) & (agreeing < MOST * rays))
     ids = network.blocks["point"].ids
     return [Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True) for p in doubtful.tolist()]
 
@@ -761,15 +753,6 @@ def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[Int
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
     there = np.einsum("nij,nj->ni", posed.turns[frame], away)
     return point, np.asarray(np.linalg.norm(there - seen.rays[rays], axis=1))
-
-
-def _tested(point: IntArray, scene: Scene) -> BoolArray:
-    return np.asarray(np.bincount(point, minlength=scene.points) >= 2)
-
-
-def _agreeing(point: IntArray, off: FloatArray, scene: Scene) -> BoolArray:
-    count = np.bincount(point, minlength=scene.points)
-    return np.asarray(np.bincount(point[off < AGREES], minlength=scene.points) >= MOST * count)
 
 
 def _only_started(network: Network, frame: Frame) -> bool:

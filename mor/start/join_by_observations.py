@@ -13,6 +13,7 @@ from mor.model.images import is_image_point, read_out_at_once
 from mor.model.rotations import exponential
 from mor.project.network import Network
 from mor.start.bundle import Similarity, evenly, movement_by
+from mor.start.join import turn_between
 from mor.start.movement import OPEN, FreeRotation, Movement, sampled_turns
 from mor.start.part import Part
 from mor.start.scene import Scene
@@ -127,25 +128,18 @@ def _put(told: Sides, scene: Scene, part: Part, middle: FloatArray, who: int) ->
     told.known[known], told.points[known] = who, part.points[known] - middle
     told.lowered[known] = 0.0 if part.lifts else scene.target_heights[known]
     told.lever[known] = 0.0
+    for number, kappa in part.kappas.items():
+        block = scene.terrestrial.sights[number].rotation
+        if block >= 0:
+            told.turned[block], told.rotations[block] = who, about_vertical(np.array([kappa]))[0]
     for number, (centre, D) in part.poses.items():
         frame = scene.frames[number]
+        if frame.stands:
+            told.turned[frame.rotation], told.rotations[frame.rotation] = who, D
         if frame.stands and (who == 2 or told.known[frame.position] == 0):
             told.known[frame.position], told.points[frame.position] = who, centre - middle
             told.lowered[frame.position] = frame.offset[0]
             told.lever[frame.position] = D.T @ frame.offset[1:]
-    _put_rotations(told, scene, part, who)
-
-
-def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
-    for number, kappa in part.kappas.items():
-        block = scene.terrestrial.sights[number].rotation
-        if block >= 0:
-            told.turned[block] = who
-            told.rotations[block] = about_vertical(np.array([kappa]))[0]
-    for number, (_, D) in part.poses.items():
-        frame = scene.frames[number]
-        if frame.relative is None:
-            told.turned[frame.rotation], told.rotations[frame.rotation] = who, D
 
 
 def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
@@ -719,12 +713,6 @@ def _remembered(
 def _search(
     target: Part, source: Part, scene: Scene, sides: Sides, rows: list[GroupRows], common: IntArray, middle: FloatArray
 ) -> Search:
-    both = source.levelled and target.levelled
-    turn = (
-        (FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL)
-        if both
-        else FreeRotation.ANY
-    )
     goal = target.points[common].copy()
     goal[:, 2] += scene.target_heights[common] if target.lifts and not source.lifts else 0.0
     own = sides.points[sides.known == 2]
@@ -738,7 +726,7 @@ def _search(
         PRECISION * (reach or size),
         size,
         middle,
-        turn,
+        turn_between(target, source),
         source.scaled and target.scaled,
         stance_of(target, source),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -316,7 +317,11 @@ def angles_in_image(corners: FloatArray) -> QuadrilateralAngles:
     crossing = unit(cross(plane_12, plane_34))
     if crossing @ (one + two + three + four) < 0.0:
         crossing = -crossing
-    cotangents = [_cot(crossing, ray) for ray in (one, two, three, four)]
+    across = cross(crossing, np.stack([one, two, three, four]))
+    cotangents = [
+        float(crossing @ ray) / max(float(np.linalg.norm(beside)), 1e-300)
+        for ray, beside in zip((one, two, three, four), across, strict=True)
+    ]
     across_one, across_three = one - (one @ crossing) * crossing, three - (three @ crossing) * crossing
     k = float(unit(across_one) @ unit(across_three))
     return QuadrilateralAngles(np.array(cotangents[:2]), np.array(cotangents[2:]), k, crossing)
@@ -331,10 +336,6 @@ def diagonals_cross(corners: FloatArray) -> bool:
         for first, second in ((one, two), (three, four))
     ]
     return all(between)
-
-
-def _cot(first: FloatArray, second: FloatArray) -> float:
-    return float(first @ second) / max(float(np.linalg.norm(cross(first, second))), 1e-300)
 
 
 def linking_constants(a: QuadrilateralAngles, b: QuadrilateralAngles) -> Linking:
@@ -386,20 +387,16 @@ def solve_quadrilateral(corners_a: FloatArray, corners_b: FloatArray) -> list[Qu
         return []
     found: list[Quadrilateral] = []
     for rho in cubic_roots(link):
-        for cot_phi_b, cot_psi_b in _cotangents(link, float(rho)):
+        if rho <= 0.0:
+            continue
+        roots_phi = _quadratic(1.0 - rho, link.k1, link.g1 - rho)
+        roots_psi = _quadratic(1.0 - rho, link.k2, link.g2 - rho)
+        for cot_phi_b, cot_psi_b in product(roots_phi, roots_psi):
             candidate = _complete(link, angles_a, angles_b, float(rho), cot_phi_b, cot_psi_b)
             # Misclosure of the unsquared (7), relative to its terms, up to which a candidate is a solution.
             if candidate.misclosure < 1e-5 and not any(_same(candidate, other) for other in found):
                 found.append(candidate)
     return sorted(found, key=lambda solution: not solution.admissible)
-
-
-def _cotangents(link: Linking, rho: float) -> list[tuple[float, float]]:
-    if rho <= 0.0:
-        return []
-    roots_phi = _quadratic(1.0 - rho, link.k1, link.g1 - rho)
-    roots_psi = _quadratic(1.0 - rho, link.k2, link.g2 - rho)
-    return [(phi, psi) for phi in roots_phi for psi in roots_psi]
 
 
 def _quadratic(leading: float, half: float, constant: float) -> list[float]:

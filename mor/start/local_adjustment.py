@@ -276,7 +276,9 @@ def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: i
     front = [[number for number in posed if just_tied and frames[number].name in part.how]]
     before, grown = len(posed), False
     while True:
-        _grow_bundles_enter(part, frames, poses, posed)
+        for number in posed:
+            part.seen_by[frames[number].points] = number
+            poses.centres[number], poses.turns[number] = part.poses[number]
         fresh = _intersect(part, frames, seen, poses, posed)
         # Frames at least that are posed before they settle.
         if front[-1] and (len(front[-1]) >= 6 or not posed):
@@ -295,12 +297,6 @@ def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: i
         grown |= bool(len(fresh) or posed)
         if not (len(fresh) or posed) or paused:
             return grown
-
-
-def _grow_bundles_enter(part: Part, frames: Sequence[Frame], poses: PosedFrames, numbers: Sequence[int]) -> None:
-    for number in numbers:
-        part.seen_by[frames[number].points] = number
-        poses.centres[number], poses.turns[number] = part.poses[number]
 
 
 def _intersect(

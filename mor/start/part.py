@@ -311,13 +311,14 @@ def target_heights(frames: Sequence[Frame], points: int, marks: IntArray) -> Flo
 
 def bare_frames(frames: Sequence[Frame], heights: FloatArray) -> tuple[Frame, ...]:
     """The frames with the rays to the targets at ``heights`` (points,) alone, as if these were the points."""
-    return tuple(_bare(frame, frame.heights == heights[frame.points]) for frame in frames)
-
-
-def _bare(frame: Frame, kept: BoolArray) -> Frame:
-    return frame._replace(
-        points=frame.points[kept], heights=np.zeros(int(kept.sum())), rays=frame.rays[kept], sigma=frame.sigma[kept]
-    )
+    bare = []
+    for frame in frames:
+        kept = frame.heights == heights[frame.points]
+        none = np.zeros(int(kept.sum()))
+        bare.append(
+            frame._replace(points=frame.points[kept], heights=none, rays=frame.rays[kept], sigma=frame.sigma[kept])
+        )
+    return tuple(bare)
 
 
 # ---- A part of the network in one coordinate system: what is known of points and frames so far.

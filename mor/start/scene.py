@@ -362,14 +362,6 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     part.levelled = True
 
 
-def _above(part: Part) -> FloatArray:
-    """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
-    seen = part.points[np.isfinite(part.points).all(axis=1)]
-    centres = np.array([centre for centre, _ in part.poses.values()])
-    above: FloatArray = centres.mean(axis=0) - (seen.mean(axis=0) if len(seen) else 0.0)
-    return above
-
-
 def level_roughly(part: Part, scene: Scene) -> bool:
     """Turn a part so that heights of instruments and height differences inside it fit as well as they can.
 
@@ -390,7 +382,13 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     # Factor of the misfits up to which two verticals fit alike.
     # Relative misfit beyond which height differences and points do not belong together.
     alike = up[cost <= max(3.0**2 * float(cost.min()), (0.05 * float(np.linalg.norm(dz))) ** 2)]
-    best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
+    best = up[int(np.argmin(cost))]
+    if part.poses:  # those who see are above what they see, as far as nothing else tells
+        seen = part.points[np.isfinite(part.points).all(axis=1)]
+        above = np.mean([centre for centre, _ in part.poses.values()], axis=0) - (
+            seen.mean(axis=0) if len(seen) else 0.0
+        )
+        best = alike[int(np.argmax(alike @ above))]
     for _ in range(20 if part.scaled else 0):
         across = difference - np.outer(difference @ best, best)
         best = best - rotations.lstsq(across, difference @ best - dz, rcond=1e-6)

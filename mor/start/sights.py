@@ -63,19 +63,14 @@ class Choices:
             for other in range(question.answers)
             if other != question.taken
         ]
-        return [_trimmed((*before[:place], other)) for other, _, place in sorted(found)]
+        # Without the likeliest answers at its end, which are taken anyhow: the first answer is 0.
+        wanted = [(*before[:place], other) for other, _, place in sorted(found)]
+        return [one[: max((k + 1 for k, answer in enumerate(one) if answer), default=0)] for one in wanted]
 
     @property
     def open(self) -> bool:
         """True where answers fitted alike."""
         return any(question.alike for question in self.asked)
-
-
-def _trimmed(wanted: tuple[int, ...]) -> tuple[int, ...]:
-    """Without the likeliest answers at its end, which are taken anyhow."""
-    while wanted and not wanted[-1]:
-        wanted = wanted[:-1]
-    return wanted
 
 
 class Judgement(NamedTuple):
