@@ -278,6 +278,7 @@ def _outcome(
 # the points lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
 
 MINIMUM = 8
+"""Homologous rays from which the linear system (5) has one solution."""
 
 
 class StartOrientation(NamedTuple):
@@ -630,6 +631,7 @@ def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
 # ``relative_orientation`` cannot tell apart.
 
 FEWEST = 5
+"""Homologous rays from which an orientation is one of a finite number."""
 
 
 def fitting_orientations(a: Bundle, b: Bundle) -> list[StartOrientation]:

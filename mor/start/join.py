@@ -158,8 +158,7 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
 
 def free_movements(target: Part, source: Part) -> int:
     """Return the number of movements of two parts against each other if nothing ties them."""
-    turns = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
-    return 3 + turns[turn_between(target, source)] + (not (target.scaled and source.scaled))
+    return 3 + turn_between(target, source).count + (not (target.scaled and source.scaled))
 
 
 def turn_between(target: Part, source: Part) -> FreeRotation:

@@ -399,8 +399,6 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
 
 # ---- What is looked for between two parts, and the starts from which it is looked for.
 
-_TURNS = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
-
 
 class Stance(NamedTuple):
     """Reference that the target lacks and observations need: vertical, north, and the length unit."""
@@ -419,7 +417,7 @@ class Stance(NamedTuple):
     @property
     def unknowns(self) -> int:
         """Turns and the logarithm of the unit."""
-        return _TURNS[self.turn] + self.unit
+        return self.turn.count + self.unit
 
 
 KNOWN = Stance(FreeRotation.NONE, False, False)
@@ -474,7 +472,7 @@ class Search(NamedTuple):
     @property
     def movements(self) -> int:
         """Unknowns of the movement itself."""
-        return 3 + _TURNS[self.turn] + (not self.scaled)
+        return 3 + self.turn.count + (not self.scaled)
 
     @property
     def unknowns(self) -> int:
@@ -552,7 +550,7 @@ def starts(search: Search) -> SimilarityTransformations:
     # Coordinates that are held at once, at the most.
     most = int(3e7 / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
     # Starts at the least: turns that are sampled come again with other shifts and scales.
-    wanted = 500 * {FreeRotation.ANY: 4, FreeRotation.VERTICAL: 2, FreeRotation.NONE: 1}[search.stance.turn]
+    wanted = 500 * (1, 2, 2, 4)[search.stance.turn.count]
     turns = np.tile(turns, (-(-wanted // len(turns)), 1, 1))
     turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
     states = _drawn(search, draw, turns)

@@ -34,6 +34,11 @@ class FreeRotation(Enum):
     VERTICAL = "about the vertical"
     NONE = "none"
 
+    @property
+    def count(self) -> int:
+        """Number of angles."""
+        return {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}[self]
+
 
 class Ties(NamedTuple):
     """Points and directions that two systems have in common."""

@@ -131,7 +131,7 @@ class _ImageRays(NamedTuple):
     sigma: FloatArray
 
     def take(self, chosen: IntArray | BoolArray | slice) -> _ImageRays:
-        return _ImageRays(self.image[chosen], self.point[chosen], self.rays[chosen], self.sigma[chosen])
+        return _ImageRays._make(array[chosen] for array in self)
 
 
 def image_frames(network: Network) -> list[Frame]:
@@ -141,18 +141,7 @@ def image_frames(network: Network) -> list[Frame]:
         return []
     keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)
     found = [_measured_rays(network, group, owners, keys) for group in groups]
-    together = (
-        found[0]
-        if len(found) == 1
-        else (
-            _ImageRays(
-                np.concatenate([one.image for one in found]),
-                np.concatenate([one.point for one in found]),
-                np.concatenate([one.rays for one in found]),
-                np.concatenate([one.sigma for one in found]),
-            )
-        )
-    )
+    together = _ImageRays(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
     if (np.diff(together.image) < 0).any():
         together = together.take(np.argsort(together.image, kind="stable"))
     cuts = np.flatnonzero(np.diff(together.image)) + 1

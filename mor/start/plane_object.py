@@ -36,6 +36,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 # Killian: the evaluations of two images, compared with each other, tell a point in the plane from one off it.
 
 LEVEL = 0.001
+"""Probability that a point of the plane is taken for one off it: the level of data snooping."""
 AGREES = float(chdtri(2, LEVEL))
 """Σ (v/σ)² up to which a point is carried over: two conditions, at the level of data snooping.
 

@@ -44,14 +44,7 @@ class RayPoints(NamedTuple):
 
     def take(self, chosen: BoolArray) -> RayPoints:
         """Some of them."""
-        return RayPoints(
-            self.points[chosen],
-            self.directions[chosen],
-            self.inverse[chosen],
-            self.sigma[chosen],
-            self.centres[chosen],
-            self.apart[chosen],
-        )
+        return RayPoints._make(array[chosen] for array in self)
 
     def parallel(self, critical: float) -> BoolArray:
         """(k,) true where the rays do not meet significantly; ``critical`` is the quantile of the test."""
@@ -143,16 +136,14 @@ def _rays_to(network: Network, candidates: BoolArray) -> Iterator[tuple[IntArray
 def _met(network: Network, given: FloatArray) -> RayPoints:
     """Direction and inverse distance of each point that two posed frames or more see."""
     # Imported here: nearly all networks do without, and it takes as long to load as a small project to adjust.
+    from mor.start.intersection import posed_frames
     from mor.start.join import starting_part
     from mor.start.part import image_frames, sightings, theodolite_frames
 
     frames = (*image_frames(network), *theodolite_frames(network))
     seen = sightings(frames, len(given))
-    poses = starting_part(network, frames).poses
-    posed = np.array([number in poses for number in range(len(frames))], dtype=bool)
-    centres = np.array([poses[n][0] if n in poses else np.zeros(3) for n in range(len(frames))]).reshape(-1, 3)
-    turns = np.array([poses[n][1] if n in poses else np.eye(3) for n in range(len(frames))]).reshape(-1, 3, 3)
-    known = posed[seen.frame]
+    centres, turns = posed_frames(starting_part(network, frames).poses, len(frames))
+    known = np.isfinite(centres[seen.frame, 0])
     frame = seen.frame[known]
     points, point = np.unique(seen.point[known], return_inverse=True)
     rays = np.einsum("ni,nij->nj", seen.rays[known], turns[frame])

@@ -31,6 +31,7 @@ from mor.types import FloatArray, IntArray
 WINDOW = 64
 """Rays of a point among which frames are paired."""
 _SAMPLE = 80
+"""Common points of two frames beyond which more of them do not help."""
 
 
 class FramePairs(NamedTuple):
