@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
-from scipy.sparse.linalg import splu
 
+from mor.linalg.block_matrix import BlockMatrix, BlockStructure
+from mor.linalg.cholesky import NotFiniteError, factorise
+from mor.linalg.symbolic import analyse
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
 from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, remembered, reproject
@@ -149,9 +151,7 @@ def settle(part: Part, frames: Sequence[Frame], seen: Sightings, poses: PosedFra
     rays = _rays(part, seen, poses, points, column)
     try:
         change = _step(part, frames, poses, rays, part.points[points], moving)
-    except RuntimeError:  # singular: nothing is to be had from these rays
-        return
-    if not np.isfinite(change).all():
+    except NotFiniteError:
         return
     poses.centres[list(moving)] += change[:, :3]
     poses.turns[list(moving)] = rotate(poses.turns[list(moving)], change[:, 3:])
@@ -211,12 +211,8 @@ def _step(
     reach = _blocks(mixed @ inverse[column], row, column, shape)
     each = np.arange(len(moving))
     diagonal = _blocks(of_frames, each, each, (len(moving), len(moving)))
-    reduced = diagonal - reach @ across.T
-    scale = 1.0 / np.sqrt(np.maximum(reduced.diagonal(), 1e-300))
-    unit = scipy.sparse.diags_array(scale)
-    # Symmetric and positive definite: it needs no pivots.
-    factor = splu((unit @ reduced @ unit).tocsc(), "MMD_AT_PLUS_A", 0.0, options={"SymmetricMode": True})
-    return -np.asarray(scale * factor.solve(scale * (frame_side.ravel() - reach @ point_side.ravel()))).reshape(-1, 6)
+    reduced = _lower_triangle((diagonal - reach @ across.T).tobsr())
+    return _solved(reduced, frame_side.ravel() - reach @ point_side.ravel()).reshape(-1, 6)
 
 
 def _linearised(poses: PosedFrames, rays: _PosedRays, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -248,6 +244,30 @@ def _blocks(blocks: FloatArray, row: IntArray, column: IntArray, shape: tuple[in
     pointers = np.searchsorted(row, np.arange(shape[0] + 1))
     size = (height * shape[0], width * shape[1])
     return scipy.sparse.bsr_array((blocks, column, pointers), shape=size, blocksize=(height, width))
+
+
+def _lower_triangle(matrix: scipy.sparse.bsr_array) -> BlockMatrix:
+    """A symmetric matrix of square blocks as the factorisation takes it, which has an entry in every diagonal block."""
+    matrix.sort_indices()
+    count = len(matrix.indptr) - 1
+    row = np.repeat(np.arange(count), np.diff(matrix.indptr))
+    kept = matrix.indices >= row
+    column_pointers = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=count))])
+    structure = BlockStructure(
+        6 * np.arange(count + 1),
+        column_pointers.astype(np.int64),
+        matrix.indices[kept].astype(np.int64),
+        36 * np.arange(int(kept.sum()) + 1),
+    )
+    return BlockMatrix(structure, matrix.data[kept].transpose(0, 2, 1).ravel())
+
+
+def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
+    """Return x of matrix · x = −side, scaled; singular unknowns stay. Raises :class:`NotFiniteError`."""
+    diagonal = matrix.diagonal()
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    factor = factorise(matrix.scaled(scale), analyse(matrix.structure))
+    return -scale * factor.solve(scale * side)
 
 
 # ---- Grow a part by resection of frames and intersection of points, until nothing more can be known.
