@@ -173,7 +173,7 @@ def _rms(wrong: FloatArray) -> float:
 # poses.
 #
 # Where nothing has observed the positions or the attitudes of a stretch, they are those of a straight flight
-# that fits to the points known there (``straight_flights``): first the stretch with most of them, then with
+# that fits to the points known there (above): first the stretch with most of them, then with
 # the points that it gives the others.
 #
 # What is on a trajectory has its pose from the knots; a point that has no coordinates is where its rays come

@@ -316,10 +316,9 @@ def _solved(jacobian: FloatArray, wrong: FloatArray, least: FloatArray) -> Float
     return np.where(good[:, None], solution, 0.0)
 
 
-# ---- Closed-form similarity between two sets of points, in space and in the plane; weighted, with or without
-# scale.
+# ---- Closed-form similarity between two sets of points, in space and in the plane, with or without scale.
 #
-# target = λ R source + t. The rotation is the orthogonal factor of the weighted cross-covariance (P. H.
+# target = λ R source + t. The rotation is the orthogonal factor of the cross-covariance (P. H.
 # Schönemann 1966; B. K. P. Horn 1987; S. Umeyama 1991 for the sign of the determinant), the scale follows
 # from the spreads. A local system X̄ = λ D (X − X0) is the same with D = R, X0 = ``origin``.
 
@@ -352,7 +351,7 @@ class Similarity(NamedTuple):
     residuals: FloatArray
     """(n, d) transformed minus target, in the unit of the target."""
     sigma0: float
-    """Standard deviation of a coordinate of weight one; not a number without redundancy."""
+    """Standard deviation of a coordinate; not a number without redundancy."""
 
     def transform(self, points: FloatArray) -> FloatArray:
         """Carry points (n, d) over."""
@@ -378,39 +377,35 @@ def movement_by(scale: float = 1.0, rotation: FloatArray | None = None, shift: F
     return Similarity(SimilarityOutcome.DETERMINED, scale, R, t, np.zeros((0, 3)), 0.0)
 
 
-def similarity(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
-    """Similarity with scale of n points (n, d), d = 2 (n ≥ 2) or 3 (n ≥ 3, not collinear); ``weights`` (n,) > 0."""
-    return _similarity_solved(source, target, weights, scaled=True)
+def similarity(source: FloatArray, target: FloatArray) -> Similarity:
+    """Similarity with scale of n points (n, d), d = 2 (n ≥ 2) or 3 (n ≥ 3, not collinear)."""
+    return _similarity_solved(source, target, scaled=True)
 
 
-def congruence(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
+def congruence(source: FloatArray, target: FloatArray) -> Similarity:
     """Return the same with scale 1."""
-    return _similarity_solved(source, target, weights, scaled=False)
+    return _similarity_solved(source, target, scaled=False)
 
 
-def _similarity_solved(
-    source: FloatArray, target: FloatArray, weights: FloatArray | None, *, scaled: bool
-) -> Similarity:
+def _similarity_solved(source: FloatArray, target: FloatArray, *, scaled: bool) -> Similarity:
     source, target = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
-    weight = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=float)
-    refusal = _refusal(source, target, weight)
+    refusal = _refusal(source, target)
     if refusal is not None:
         return _failed(refusal, source)
     dimension = source.shape[1]
-    centre_source = weight @ source / np.sum(weight)
-    centre_target = weight @ target / np.sum(weight)
+    centre_source, centre_target = source.mean(axis=0), target.mean(axis=0)
     a, b = source - centre_source, target - centre_target
-    left, values, right = rotations.svd(b.T @ (a * weight[:, None]))
+    left, values, right = rotations.svd(b.T @ a)
     proper = np.ones(dimension)
     proper[-1] = np.sign(np.linalg.det(left @ right))
     rotation = (left * proper) @ right
-    spread_source, spread_target = (float(np.sum(weight[:, None] * a**2)), float(np.sum(weight[:, None] * b**2)))
+    spread_source, spread_target = float(np.sum(a**2)), float(np.sum(b**2))
     scale = float(values @ proper) / spread_source if scaled else 1.0
     if not scale > 0.0:
         return _failed(SimilarityOutcome.MIRRORED, source)
     translation = centre_target - scale * rotation @ centre_source
     residuals = scale * source @ rotation.T + translation - target
-    objective = float(np.sum(weight[:, None] * residuals**2))
+    objective = float(np.sum(residuals**2))
     reflected = float(np.sum(values))
     mirrored_scale = reflected / spread_source if scaled else 1.0
     mirrored = spread_target + mirrored_scale**2 * spread_source - 2.0 * mirrored_scale * reflected
@@ -427,19 +422,18 @@ def _similarity_solved(
     )
 
 
-def _refusal(source: FloatArray, target: FloatArray, weight: FloatArray) -> SimilarityOutcome | None:
-    if source.shape != target.shape or len(weight) != len(source) or source.shape[1] not in (2, 3):
+def _refusal(source: FloatArray, target: FloatArray) -> SimilarityOutcome | None:
+    if source.shape != target.shape or source.shape[1] not in (2, 3):
         return SimilarityOutcome.INVALID
-    if not np.all(np.isfinite(source)) or not np.all(np.isfinite(target)) or not np.all(weight > 0.0):
+    if not np.all(np.isfinite(source)) or not np.all(np.isfinite(target)):
         return SimilarityOutcome.INVALID
     if len(source) < source.shape[1]:
         return SimilarityOutcome.TOO_FEW
     for points in (source, target):
         values = rotations.singular_values(points - points.mean(axis=0))
-        size = float(np.max(np.abs(points)))
-        if values[0] <= 1e-14 * size:
+        if values[0] <= 1e-14 * float(np.max(np.abs(points))):
             return SimilarityOutcome.COINCIDENT
-        # Extension across, relative to that along, below which points lie in a line, or at one place.
+        # Extension across, relative to that along, below which points lie in a line.
         if points.shape[1] == 3 and values[1] <= 1e-9 * values[0]:
             return SimilarityOutcome.COLLINEAR
     return None

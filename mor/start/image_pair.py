@@ -291,7 +291,7 @@ class StartOrientation(NamedTuple):
 def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     """Orientation of bundle ``b`` in ``a`` from n ≥ 8 homologous rays, without approximate values.
 
-    All rays are believed (see ``robust.robust_relative_orientation`` otherwise).
+    All rays are believed (see ``robust_relative_orientation`` otherwise).
     Degenerate data do not raise: the outcome names them. Source: Rinner 1956, see
     :mod:`mor.start.relative_orientation`.
     """
@@ -494,10 +494,10 @@ class RobustOrientation(NamedTuple):
     """Number of samples drawn; 0 if all pairs agreed at once."""
 
 
-def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> RobustOrientation:
+def robust_relative_orientation(a: Bundle, b: Bundle) -> RobustOrientation:
     """Orientation of ``b`` in ``a`` from n ≥ 8 homologous rays, some of which may be wrong pairs.
 
-    If all agree this is ``two_bundles.relative_orientation`` itself. Wrong pairs that lie on
+    If all agree this is ``relative_orientation`` itself. Wrong pairs that lie on
     the right plane through the base cannot be seen, except by their depth. Outcomes are data, as there.
     """
     everything = relative_orientation(a, b)
@@ -510,7 +510,7 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
     agree = small and bool(np.all(everything.front))
     if believable and (agree or not everything.outcome.usable):
         return RobustOrientation(everything, np.ones(len(a), dtype=bool), everything.residuals, 0)
-    ik, samples = _sampled(a, b, np.random.default_rng(seed))
+    ik, samples = _sampled(a, b, np.random.default_rng(1956))
     if ik is None:
         return _nothing(everything, len(a), samples)
     found = _settled(a, b, ik)

@@ -55,7 +55,7 @@ class Intersection(NamedTuple):
     """Largest angle between two of the rays, in radians, at most π/2."""
 
 
-def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray, iterations: int = 10) -> Intersection:
+def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray) -> Intersection:
     """Intersect n ≥ 2 rays: ray i of ``bundle`` stands in the frame ``positions[i]`` (3,), ``rotations[i]``
     (3, 3).
 
@@ -69,7 +69,7 @@ def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray, iter
     if angle < PARALLEL * bundle.noise:
         return _failed(IntersectionOutcome.PARALLEL, len(bundle), angle)
     point = nearest_point(positions, rays)
-    for _ in range(iterations):
+    for _ in range(10):
         star = np.einsum("nij,nj->ni", rotations, point - positions)
         computed = reproject(bundle, star)
         design = (computed.by_star @ rotations).reshape(-1, 3)
@@ -129,7 +129,7 @@ def _failed(outcome: IntersectionOutcome, rays: int, angle: float = 0.0) -> Inte
     return Intersection(outcome, np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, nothing, front, angle)
 
 
-# ---- Where rays meet, point after point: the same steps as ``meet_plainly`` of ``forward_intersection``.
+# ---- Where rays meet, point after point: the same steps as ``meet_plainly``.
 
 PAIRED = 16
 """Rays of a point that are put together in pairs."""

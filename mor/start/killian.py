@@ -41,7 +41,7 @@ class Homography(NamedTuple):
     """(9, 9) of the elements of H, row by row, up to their common scale; for the a-priori σ of the rays."""
 
 
-def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
+def fit_homography(a: Bundle, b: Bundle) -> Homography:
     """Adjust H to n ≥ 4 homologous rays; errors of both bundles, 2 conditions per point, linear start.
 
     Four points of which no three are collinear fix H exactly (redundancy 0).
@@ -49,7 +49,7 @@ def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
     matrix = linear_homography(a, b)
     residuals = np.zeros(2 * len(a))
     corrections = np.zeros((len(a), 4))
-    for _ in range(iterations):
+    for _ in range(10):
         design, residuals, corrections = _conditions(a, b, matrix, corrections)
         scale = matrix.ravel() / np.linalg.norm(matrix)
         # The scale of H is no unknown: H → 0 would satisfy every condition.
@@ -138,12 +138,12 @@ class BundleRotation(NamedTuple):
     """(3, 3) of a small rotation δ of D*, for the a-priori σ of the rays."""
 
 
-def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> BundleRotation:
+def fit_turn(a: Bundle, b: Bundle) -> BundleRotation:
     """Adjust H = D*, a pure rotation, to n ≥ 2 homologous rays: what is left when there is no base."""
     rotation = nearest_rotation(b.directions.T @ a.directions)
     corrections = np.zeros((len(a), 4))
     normal = np.eye(3)
-    for _ in range(iterations):
+    for _ in range(10):
         design, residuals, corrections = _conditions(a, b, rotation, corrections)
         rows = design @ -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
         normal = rows.T @ rows

@@ -137,7 +137,6 @@ def adjust_plane(
     state: PlaneState,
     in_plane: BoolArray,
     held: FloatArray | None = None,
-    iterations: int = 100,
 ) -> AdjustedPlane:
     """Adjust ``state`` to the rays of m ``bundles``; ``seen`` (m, n) says which count. Levenberg–Marquardt.
 
@@ -151,7 +150,7 @@ def adjust_plane(
     least_damping = 1e-9
     damping, growth = least_damping, 2.0
     residuals, design = _linearised(bundles, seen, state)
-    for _ in range(iterations):
+    for _ in range(100):
         step = np.zeros(len(free))
         axes = _turns(state, held)
         turned = np.concatenate([design[:, :3], design[:, 3:6] @ axes, design[:, 6:]], axis=1)
@@ -501,7 +500,7 @@ def _soft(rays: _PlaneRays, pairs: list[PlaneSolutions], shape: PlaneShape) -> b
     """Return whether the σ promise more than the measurements hold.
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted again,
-    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
+    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``sigma_hold`` of relative orientations).
     Where the normal is turned by three no coordinate or flying height may have changed by five of its own σ or more.
     """
     adjusted = shape.adjusted

@@ -258,7 +258,7 @@ def conditions_by_unknowns(ik: FloatArray) -> FloatArray:
     return np.vstack([cofactors.reshape(1, 9), symmetric[:, i, j].T])
 
 
-def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20) -> Compatible:
+def compatible_unknowns(ik: FloatArray, normal: FloatArray) -> Compatible:
     """Corrections dik of least (dik)ᵀ N (dik) that make ``ik`` (3, 3) compatible; N the ``normal`` (9, 9)
     of (5).
 
@@ -268,7 +268,7 @@ def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20
     weight = normal / max(np.trace(normal) / 9.0, np.finfo(float).tiny)
     start = ik.ravel()
     current = start
-    for _ in range(iterations):
+    for _ in range(20):
         current, change = _step(current, start, weight)
         if change < 1e-15:
             break

@@ -402,11 +402,11 @@ AGREES = 4.5
 """Length of the residual v/σ (two coordinates) up to which a point agrees."""
 
 
-def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
+def resect(bundle: Bundle, points: FloatArray) -> Resection:
     """Frame of ``bundle`` from n ≥ 3 known points (n, 3), some of which may be wrong if n ≥ 6.
 
-    Three points leave up to four solutions, all returned; more points decide where they can. The fixed
-    ``seed`` draws the samples. Degenerate data do not raise: see :class:`ResectionOutcome`.
+    Three points leave up to four solutions, all returned; more points decide where they can. Degenerate data do not
+    raise: see :class:`ResectionOutcome`.
     """
     points = np.asarray(points, dtype=float)
     refusal = _refusal(bundle, points)
@@ -414,7 +414,7 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
         return failed_resection(refusal, len(points))
     # The best poses of samples, of which so many are drawn as it takes for one without a wrong point
     # (RANSAC).
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(1841)
     poses: list[Pose] = []
     costs: list[FloatArray] = []
     drawn = 0
