@@ -254,8 +254,8 @@ def conditions_by_unknowns(ik: FloatArray) -> FloatArray:
         moved[:, :, k] = cross(changes[:, :, i], columns[j]) + cross(columns[i], changes[:, :, j])
     half = np.einsum("mi,nmj->nij", ik, changes) + np.einsum("mi,nmj->nij", cofactors, moved)
     symmetric = half + np.swapaxes(half, 1, 2)
-    i, j = np.triu_indices(3)
-    return np.vstack([cofactors.reshape(1, 9), symmetric[:, i, j].T])
+    upper = np.triu_indices(3)
+    return np.vstack([cofactors.reshape(1, 9), symmetric[:, upper[0], upper[1]].T])
 
 
 def compatible_unknowns(ik: FloatArray, normal: FloatArray) -> Compatible:

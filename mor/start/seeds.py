@@ -359,10 +359,11 @@ def seed_plan(
             largest[sight.position] = number, seen
     sets = dict(sorted(largest.values(), key=lambda one: (-len(one[1]), one[0]))[:30])
     shared = {(i, j, k): sets[i].keys() & sets[j].keys() & sets[k].keys() for i, j, k in combinations(sets, 3)}
-    chosen = max(shared, key=lambda three: len(shared[three]), default=())
     # Five points leave nothing over that could tell shapes apart.
-    if len(shared.get(chosen, ())) < 6:
+    enough = [three for three, points_of_all in shared.items() if len(points_of_all) >= 6]
+    if not enough:
         return None, None
+    chosen = max(enough, key=lambda three: len(shared[three]))
     tried.update(chosen)
     sights = [measured.sights[number] for number in chosen]
     common = evenly(np.array(sorted(shared[chosen]), dtype=np.int64), 30)

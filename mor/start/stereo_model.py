@@ -10,8 +10,8 @@ import numpy as np
 
 from mor.model import rotations as tolerant
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, reproject, tangent_axes
-from mor.start.image_pair import AS_GOOD, PairAssessment, RobustOrientation, candidate, linear_system, result
+from mor.start.bundle import AS_GOOD, Bundle, reproject, tangent_axes
+from mor.start.image_pair import PairAssessment, RobustOrientation, candidate, linear_system, result
 from mor.start.intersection import IntersectionOutcome, intersect
 from mor.start.relative_orientation import (
     RelativeOrientation,
