@@ -403,15 +403,16 @@ def meet_plainly(
     centre, direction = posed.centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], posed.turns[frame])
     centre[:, 2] -= seen.height[rays]
     lines = _Lines(point, centre, direction, 3.0 * loosened(seen.sigma[rays], slack))
-    X, good, use = _forward_intersection_in_rounds(lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds)
+    everything = np.ones(len(rays), dtype=bool)
+    X, good, use = _forward_intersection_in_rounds(lines, everything, len(points), smallest, rounds)
     doubtful = 2 * np.bincount(point[use], minlength=len(points)) < np.bincount(point, minlength=len(points))
+    begin = everything.copy()
     for number in np.flatnonzero(doubtful).tolist() if rounds > 1 else ():
         rows = np.flatnonzero(point == number)
-        own = _Lines._make(array[rows] for array in lines)._replace(point=np.zeros(len(rows), dtype=np.int64))
-        begin = _likelier_pair(own, int(np.count_nonzero(use[rows])), smallest)
-        if begin is not None:
-            found = _forward_intersection_in_rounds(own, begin, 1, smallest, rounds)
-            X[number], good[number], use[rows] = found[0][0], found[1][0], found[2]
+        own = _Lines._make(array[rows] for array in lines)
+        begin[rows] = _likelier_pair(own, int(np.count_nonzero(use[rows])), smallest)
+    if not begin.all():
+        X, good, use = _forward_intersection_in_rounds(lines, begin, len(points), smallest, rounds)
     return Meetings(X, good & (np.bincount(point[use], minlength=len(points)) >= 2))
 
 
@@ -448,14 +449,15 @@ def _forward_intersection_in_rounds(
     return X, good, use
 
 
-def _likelier_pair(lines: _Lines, agreeing: int, smallest: float) -> BoolArray | None:
-    """The two rays (n,) to one point on whose meeting more rays agree than on that of all; ``None`` without such two.
+def _likelier_pair(lines: _Lines, agreeing: int, smallest: float) -> BoolArray:
+    """The two rays (n,) to one point on whose meeting more rays agree than on that of all; all without such two.
 
     Two with which no third one agrees must be the only ones that meet.
     """
     count = len(lines.point)
+    everything = np.ones(count, dtype=bool)
     if count < 3:
-        return None
+        return everything
     pairs = np.array(list(combinations(range(min(count, PAIRED)), 2)))
     meeting, centre, direction = np.repeat(np.arange(len(pairs)), 2), lines.centre[pairs], lines.direction[pairs]
     X, good = _forward_intersection_nearest(
@@ -464,7 +466,7 @@ def _likelier_pair(lines: _Lines, agreeing: int, smallest: float) -> BoolArray |
     votes = np.where(good, np.count_nonzero(lines.agree(X[:, None]), axis=1), 0)
     most = int(votes.max())
     if most <= max(agreeing, 1) or (most == 2 and np.count_nonzero(votes == most) > 1):
-        return None
+        return everything
     begin: BoolArray = np.isin(np.arange(count), pairs[np.argmax(votes)])
     return begin
 
