@@ -277,7 +277,19 @@ def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     a, b = distances.ends.T
     plan = np.linalg.norm(part.points[b, :2] - part.points[a, :2], axis=1)
     added |= _carry_heights(part, a, b, plan * distances.tangents + distances.rises)
+    if distances.slope:
+        added |= _heights_by_slopes(part, distances)
     return added
+
+
+def _heights_by_slopes(part: Part, distances: Distances) -> bool:
+    """Height differences from slope distances and vertical directions, where the plan is not known."""
+    a, b = distances.ends.T
+    open_ = np.flatnonzero(np.isfinite(part.points[a, 2]) != np.isfinite(part.points[b, 2]))
+    rows = [k for k in open_.tolist() if (int(a[k]), int(b[k])) in distances.slope]
+    lengths = np.array([distances.slope[int(a[k]), int(b[k])][0] for k in rows])
+    sines = np.sin(np.arctan(distances.tangents[rows]))
+    return _carry_heights(part, a[rows], b[rows], lengths * sines + distances.rises[rows])
 
 
 def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -> bool:
