@@ -35,11 +35,8 @@ from mor.types import BoolArray, FloatArray, IntArray
 # in X_m, V, s cos κ and s sin κ; D and V are improved from there, with attitudes near the level. The
 # adjustment bends the flight to what it was.
 
-_LEAST_SIGHTS = 3
 _LEAST_SINGULAR = 1e-6
 """Part of the largest singular value, columns of one size, at which equations leave something open."""
-_SWAY, _TILT, _CLIMB = 0.01, 0.05, 0.05
-"""σ in radians of a ray, for a flight sways, and of tilts; σ of the climb as a part of the speed."""
 _FITS = 0.1
 """Radians (rms) by which rays may pass their points."""
 
@@ -102,7 +99,7 @@ def level_flight(sights: TimedRays) -> Flight | None:
 def _in_plan(sights: TimedRays) -> Flight | None:
     """A level flight; the height above each point is that above all of them, and what it lies higher or lower."""
     down = -sights.ray[:, 2]
-    if len(down) < _LEAST_SIGHTS or not (down > 0.0).all():
+    if len(down) < 3 or not (down > 0.0).all():
         return None
     middle, centre = float(sights.time.mean()), sights.point.mean(axis=0)
     one, since = np.ones(len(down)), sights.time - middle
@@ -125,7 +122,9 @@ def _in_plan(sights: TimedRays) -> Flight | None:
 
 def _tilted(sights: TimedRays, flight: Flight) -> Flight | None:
     """Gauss and Newton's method: the rays pass their points as near as may be, tilts and climb are near 0."""
-    level, climb = flight.rotation, _CLIMB * max(float(np.linalg.norm(flight.velocity)), 1e-9)
+    # σ in radians of a ray, for a flight sways, and of tilts; that of the climb is a part of the speed.
+    sway, tilting = 0.01, 0.05
+    level, climb = flight.rotation, 0.05 * max(float(np.linalg.norm(flight.velocity)), 1e-9)
     tilt, left = np.zeros(3), np.inf
     place, velocity = flight.place, flight.velocity
     for _ in range(8):
@@ -142,9 +141,9 @@ def _tilted(sights: TimedRays, flight: Flight) -> Flight | None:
         by_place = -by_q @ D
         design = np.concatenate([by_place, by_place * since[:, None, None], by_q @ cross_matrix(q)], axis=2)
         known = np.zeros((3, 9))
-        known[0, 6], known[1, 7], known[2, 5] = 1.0 / _TILT, 1.0 / _TILT, 1.0 / climb
-        rows = np.concatenate([design.reshape(-1, 9) / _SWAY, known])
-        misses = np.concatenate([-wrong.ravel() / _SWAY, -tilt[:2] / _TILT, [-velocity[2] / climb]])
+        known[0, 6], known[1, 7], known[2, 5] = 1.0 / tilting, 1.0 / tilting, 1.0 / climb
+        rows = np.concatenate([design.reshape(-1, 9) / sway, known])
+        misses = np.concatenate([-wrong.ravel() / sway, -tilt[:2] / tilting, [-velocity[2] / climb]])
         step = _solved(rows, misses)
         if step is None:
             return None
@@ -174,17 +173,12 @@ def _rms(wrong: FloatArray) -> float:
 # poses.
 #
 # Where nothing has observed the positions or the attitudes of a stretch, they are those of a straight flight
-# that fits to the points known there (``straight_flights``): first the stretch with most of them, then with
+# that fits to the points known there (above): first the stretch with most of them, then with
 # the points that it gives the others.
 #
 # What is on a trajectory has its pose from the knots; a point that has no coordinates is where its rays come
 # nearest to each other. They need not meet within their σ: the knots start where a GNSS/INS says, some pixels
 # beside the truth.
-
-_LEAST_ANGLE = 1e-3
-"""Radians between two rays of a point, from which on it starts at their intersection."""
-
-_FROM_NOWHERE = "seen from trajectories without start values at that time"
 
 
 def along_trajectories(network: Network) -> Network:
@@ -219,12 +213,13 @@ def seen_along_trajectories(
     network: Network, missing: tuple[UndeterminedObject, ...]
 ) -> tuple[UndeterminedObject, ...]:
     """Name what has no start value, and the rays to a point from trajectories whose start values are missing."""
+    reason = "seen from trajectories without start values at that time"
     rows: Counter[str] = Counter()
     for group in network.groups:
         if is_along(group.type) and is_image_point(group.type):
             rows.update(group.references[-1])
     return tuple(
-        one._replace(reason=_FROM_NOWHERE, observations=rows[one.name])
+        one._replace(reason=reason, observations=rows[one.name])
         if one.kind == "point" and not one.observations and rows[one.name]
         else one
         for one in missing
@@ -404,7 +399,8 @@ def _intersect(seen: list[_SeenAlong], start: dict[str, FloatArray]) -> None:
 
 def _met(centres: FloatArray, rays: FloatArray) -> FloatArray | None:
     """Return the nearest point of rays (n, 3); ``None`` if they are parallel or meet behind a camera."""
-    if len(rays) < 2 or np.linalg.norm(np.cross(rays[0], rays), axis=1).max() < _LEAST_ANGLE:
+    # Radians between two rays of a point, from which on it starts at their intersection.
+    if len(rays) < 2 or np.linalg.norm(np.cross(rays[0], rays), axis=1).max() < 1e-3:
         return None
     point = nearest_point(centres, rays)
     ahead = np.einsum("nj,nj->n", point - centres, rays) > 0.0

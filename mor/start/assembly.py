@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from itertools import combinations
 
 import numpy as np
 
 from mor.model import rotations as tolerant
-from mor.model.contract import ObservationGroup, some_rows
+from mor.model.contract import ObservationGroup, ObservationType, some_rows
 from mor.model.coordinates import OBSERVED_PARAMETERS
 from mor.model.earth import Horizon
 from mor.model.geodetic import in_object_axes
@@ -68,12 +68,15 @@ from mor.start.scene import (
     grow_relative,
     level_and_scale,
     level_roughly,
-    scale_roughly,
     scene_of,
 )
 from mor.start.seeds import FramePairs, common_pairs, seed_bundles, seed_doubtful, seed_levelled, seed_plan
 from mor.start.sights import ROWS, SMALLER, SOUND, Choices, Judgement, disagreement, likeliest
 from mor.types import BoolArray, FloatArray
+
+SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
+"""Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
+
 
 # ---- The parts there are, the object system first, and what was tried.
 
@@ -103,14 +106,14 @@ class Assembly:
 
 # ---- A part grows by everything it can, in turns.
 
-FIRST_FRAMES = 20
-"""Frames a part is grown by before given positions are asked whether they tie it."""
-
 
 def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
     """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
     before = len(part.poses)
-    while not part.handed and _grow_shape(part, scene):
+    # By distances alone: directions would accept a mirrored shape.
+    while not part.handed and (
+        grow_arcs(part, scene.distances[1]) if part.levelled else grow_single_points(part, scene)
+    ):
         pass
     while part.handed:
         grown = level_and_scale(part, scene)
@@ -127,11 +130,6 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         if most is not None and len(part.poses) - before >= most:
             return False
     return True
-
-
-def _grow_shape(part: Part, scene: Scene) -> bool:
-    """Grow by distances alone, because directions would accept a mirrored shape."""
-    return grow_arcs(part, scene.distances[1]) if part.levelled else grow_single_points(part, scene)
 
 
 def _sets_and_poses(part: Part, scene: Scene) -> None:
@@ -154,11 +152,6 @@ def _sets_and_poses(part: Part, scene: Scene) -> None:
 
 # ---- What a part begins with, of what no part knows yet.
 
-BEGINNINGS = 4
-"""Pairs that a part may begin with, where what it leads to does not agree."""
-DOUBTFUL = 4
-"""Searches for a doubtful pair: each grows a part from every orientation of up to eight pairs."""
-
 
 def next_seed(assembly: Assembly) -> Part | None:
     """A part of its own for something that no part knows yet."""
@@ -167,7 +160,8 @@ def next_seed(assembly: Assembly) -> Part | None:
     part = seed_levelled(measured, unknown, scene.points, tried, with_distances=True)
     if part is not None:
         return part
-    free = _free_frames(assembly)
+    posed = [number for one in assembly.parts for number in one.poses]
+    free = ~np.isin(np.arange(len(scene.frames)), posed)
     for chained in (False, True):
         part = _seed_of_frames(assembly, free, chained)
         if part is not None:
@@ -187,7 +181,8 @@ def _doubtful_seed(assembly: Assembly, free: BoolArray) -> Part | None:
     """A part of two frames whose orientation is in doubt, where nothing else is left."""
     scene = assembly.scene
     open_ = free & ~assembly.given_up[2]
-    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2 or assembly.doubtful == DOUBTFUL:
+    # Searches for a doubtful pair: each grows a part from every orientation of up to eight pairs.
+    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2 or assembly.doubtful == 4:
         return None
     assembly.doubtful += 1
     assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
@@ -210,7 +205,8 @@ def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part 
     bare, rows = scene.bare[0], np.flatnonzero(among)
     part, reason = seed_bundles(bare, rows, pairs, scene.points)
     asks = part is not None and assembly.network.observations <= ROWS
-    passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if asks else 0
+    # Pairs that a part may begin with, where what it leads to does not agree.
+    passed = scene.choices.take(min(len(rows), 4), alike=False) if asks else 0
     if passed:
         part, reason = seed_bundles(bare, rows, pairs, scene.points, passed)
     given_up |= open_ if part is None else False
@@ -244,18 +240,7 @@ def _known_points(assembly: Assembly) -> BoolArray:
     return known
 
 
-def _free_frames(assembly: Assembly) -> BoolArray:
-    """Frames (n,) that no part has a pose of."""
-    free = np.ones(len(assembly.scene.frames), dtype=bool)
-    for part in assembly.parts:
-        free[list(part.poses)] = False
-    return free
-
-
 # ---- Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
-
-CONTROL = 3
-"""Points that a part must know to grow by itself."""
 
 
 def assembled(network: Network, scene: Scene) -> Assembly:
@@ -294,7 +279,8 @@ def _known_ones_wait(assembly: Assembly) -> bool:
     known = [int(np.count_nonzero(np.isfinite(part.points).all(axis=1))) for part in others]
     if not given.poses:
         known.append(int(np.count_nonzero(np.isfinite(given.points).any(axis=1))))
-    asks = max(known, default=0) >= CONTROL and assembly.network.observations <= ROWS
+    # Points that a part must know to grow by itself.
+    asks = max(known, default=0) >= 3 and assembly.network.observations <= ROWS
     return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
@@ -308,7 +294,8 @@ def _assemble(assembly: Assembly) -> None:
             assembly.begun += 1
             part.number = assembly.begun
             system = parts[0]
-            most = FIRST_FRAMES
+            # Frames a part is grown by before given positions are asked whether they tie it.
+            most = 20
             while not grow(part, scene, assembly.fewest, most) and not tied_by_positions(system, part, scene.frames):
                 most *= 2
             parts.append(part)
@@ -321,13 +308,14 @@ def _join_all(assembly: Assembly, ambiguous: bool = False) -> bool:
     parts, scene = assembly.parts, assembly.scene
     joined_any = False
     while True:
-        pair = _joined_pair(parts, scene, ambiguous)
+        ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
+        pairs = combinations(ordered, 2)
+        pair = next((pair for pair in pairs if join(*pair, scene, ambiguous)), None)
         if pair is None:
             return joined_any
         joined_any = True
-        target, source = pair
-        parts[:] = [part for part in parts if part is not source]
-        grow(target, scene, assembly.fewest)
+        parts[:] = [part for part in parts if part is not pair[1]]
+        grow(pair[0], scene, assembly.fewest)
 
 
 def _join_by_observations(assembly: Assembly) -> bool:
@@ -336,24 +324,14 @@ def _join_by_observations(assembly: Assembly) -> bool:
     if assembly.fewest > FEWEST:
         return False
     ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
-    for number, target in enumerate(ordered):
-        for source in ordered[number + 1 :]:
-            found = tie_by_observations(assembly.network, target, source, scene)
-            if found is not None and not found.open:
-                carry(target, source, scene, found)
-                parts[:] = [part for part in parts if part is not source]
-                grow(target, scene, assembly.fewest)
-                return True
+    for target, source in combinations(ordered, 2):
+        found = tie_by_observations(assembly.network, target, source, scene)
+        if found is not None and not found.open:
+            carry(target, source, scene, found)
+            parts[:] = [part for part in parts if part is not source]
+            grow(target, scene, assembly.fewest)
+            return True
     return False
-
-
-def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
-    ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
-    for number, target in enumerate(ordered):
-        for source in ordered[number + 1 :]:
-            if join(target, source, scene, ambiguous):
-                return target, source
-    return None
 
 
 def _place_the_rest(assembly: Assembly) -> None:
@@ -379,7 +357,7 @@ def _place_the_rest(assembly: Assembly) -> None:
 def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     """Return the last tie of a part to the object system, controlled or not; by all observations if they say more.
 
-    What nothing tells of the vertical, the scale and the direction it finds as well as it can.
+    What nothing tells of the vertical and the direction it finds as well as it can.
     """
     system, scene = assembly.parts[0], assembly.scene
     by_all = tie_by_observations(assembly.network, system, source, scene, 0)
@@ -388,7 +366,6 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
         if settles or not level_roughly(source, scene):
             return by_all
     level_roughly(source, scene)
-    scale_roughly(source, scene)
     direct_roughly(source, scene)
     return tie(system, source, scene)
 
@@ -401,39 +378,31 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
 # other. What is given or was found stays. An end counts where all groups of observations agree with it, and
 # is taken where it is the lowest and was reached twice.
 
-Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
-LARGEST = 1_000
-"""Observations of a network up to which it is tried."""
 TRIES = 20
 """Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
-_DRAWN = frozenset(("point", "rotation", "scale"))
-"""Kinds of blocks that have random start values."""
-_AIMED = 0.3
-"""Length of the mean of all unit rays from which on a frame looks one way."""
-_ANYWHERE = 0.05
-"""Weight of a random place against that of a ray."""
 
 
-class _End(NamedTuple):
-    values: Mapping[str, FloatArray]
-    squares: float
-
-
-def from_random_places(network: Network, scene: Scene, found: Approximation, settle: Settle) -> Approximation | None:
+def from_random_places(
+    network: Network, scene: Scene, found: Approximation, settle: SettleNetwork
+) -> Approximation | None:
     """Start values by the solution that two tries lead to and none lies below; ``None`` where there is none.
 
     The same network has the same tries.
     """
     kinds = {kind for kind, values in found.start.items() if not np.isfinite(values).all()}
+    # Observations of a network up to which it is tried.
     if (
-        network.observations > LARGEST
-        or not kinds <= _DRAWN
+        network.observations > 1_000
+        or not kinds <= {"point", "rotation", "scale"}
         or any(feature.type == "line" for feature in network.project.features)
-        or not _asks(network, found)
+        or not _is_missing_more_than_far_points(network, found)
     ):
         return None
+    words = (
+        "random positions: {ends} of {tries} adjustments from such positions led to a solution, two of them to this one"
+    )
     random = np.random.default_rng(network.observations)
-    ends: list[_End] = []
+    ends: list[tuple[Mapping[str, FloatArray], float]] = []
     with np.errstate(all="ignore"):  # from some places numbers grow beyond all bounds
         for tries in range(1, TRIES + 1):
             settled = settle(_drawn(network, scene, found.start, random))
@@ -441,37 +410,27 @@ def from_random_places(network: Network, scene: Scene, found: Approximation, set
                 continue
             if np.isinf(settled[1]):  # what is singular anywhere is so everywhere
                 return None
-            end = _End(*settled)
-            if disagreement(network.groups, end.values)[1] > SOUND:
+            if disagreement(network.groups, settled[0])[1] > SOUND:
                 continue
-            if any(_same(end, other) for other in ends) and not any(
-                other.squares < end.squares and not _same(other, end) for other in ends
-            ):
-                return _with(network, found, end, rule(_WORDS, ends=len(ends) + 1, tries=tries))
-            ends.append(end)
+            squares = settled[1]
+            same = [abs(squares - other) <= SMALLER * max(squares, other) for _, other in ends]
+            if any(same) and not any(other < squares and not one for (_, other), one in zip(ends, same, strict=True)):
+                return _with(network, found, settled[0], rule(words, ends=len(ends) + 1, tries=tries))
+            ends.append(settled)
     return None
 
 
-_WORDS = (
-    "random positions: {ends} of {tries} adjustments from such positions led to a solution, two of them to this one"
-)
-
-
-def _asks(network: Network, found: Approximation) -> bool:
+def _is_missing_more_than_far_points(network: Network, found: Approximation) -> bool:
     """False where all that is missing are points whose rays are nearly parallel: these have places of their own."""
     apart = nearly_parallel(network, found.start).points
     names = {network.blocks["point"].ids[p] for p in apart.tolist()}
     return any(thing.kind != "point" or thing.name not in names for thing in found.missing)
 
 
-def _same(one: _End, other: _End) -> bool:
-    return abs(one.squares - other.squares) <= SMALLER * max(one.squares, other.squares)
-
-
-def _with(network: Network, found: Approximation, end: _End, how: Phrase) -> Approximation:
+def _with(network: Network, found: Approximation, end: Mapping[str, FloatArray], how: Phrase) -> Approximation:
     """Everything that is not given as the solution has it: what was found may have been rough."""
     given = network.start
-    start = {kind: np.where(np.isfinite(given[kind]), given[kind], end.values[kind]) for kind in found.start}
+    start = {kind: np.where(np.isfinite(given[kind]), given[kind], end[kind]) for kind in found.start}
     named = {f"{one.kind} {one.name}": how for one in found.missing}
     return found._replace(start=start, how={**found.how, **named}, missing=(), remarks=())
 
@@ -514,7 +473,8 @@ def _looking(frame: Frame, towards: FloatArray, random: np.random.Generator) -> 
     """A rotation D by which a frame looks somewhere, turned about that at random; any one, if it looks all around."""
     mean = frame.rays.mean(axis=0)
     length = float(np.linalg.norm(mean))
-    if length < _AIMED:
+    # Length of the mean of all unit rays from which on a frame looks one way.
+    if length < 0.3:
         return _any_attitude(random)
     roll: FloatArray = exponential((random.uniform(-np.pi, np.pi) * towards)[None])[0]
     return (roll @ _turned(mean / length, towards)).T
@@ -537,8 +497,9 @@ def _any_attitude(random: np.random.Generator) -> FloatArray:
 
 def _nearest_to_rays(scene: Scene, points: FloatArray, rotations: FloatArray, anywhere: FloatArray) -> FloatArray:
     """Places (n, 3) nearest to the rays of all frames, and a little to ``anywhere``, where no ray goes altogether."""
-    normal = _ANYWHERE * np.tile(np.eye(3), (len(points), 1, 1))
-    side = _ANYWHERE * anywhere
+    little = 0.05
+    normal = little * np.tile(np.eye(3), (len(points), 1, 1))
+    side = little * anywhere
     for frame in scene.frames:
         along = frame.rays @ rotations[frame.rotation]
         across = np.eye(3) - along[:, :, None] * along[:, None, :]
@@ -550,9 +511,6 @@ def _nearest_to_rays(scene: Scene, points: FloatArray, rotations: FloatArray, an
 # ---- Observations on the earth, as start values take them: in the object system, as if verticals were parallel.
 #
 # Over 10 km heights are wrong by some metres then, over 100 km by a few hundred: near enough to begin from.
-
-_NEUTRAL = 0
-"""Block of the height that nothing has."""
 
 
 def to_plane(network: Network) -> Network:
@@ -566,104 +524,58 @@ def to_plane(network: Network) -> Network:
         )
     if network.world is None:
         return network
-    horizon = network.world.horizon
-    groups = tuple(
-        _attitudes(group, network.start["rotation"])
-        if group.type.key in ("projected_attitude", "navigation_attitude")
-        else _PLAIN[group.type.key](group, horizon)
-        if group.type.key in _PLAIN
-        else group
-        for group in network.groups
-    )
-    return replace(network, groups=groups)
+    horizon, rotations = network.world.horizon, network.start.get("rotation", np.zeros((0, 3, 3)))
+    return replace(network, groups=tuple(_in_plane(group, horizon, rotations) for group in network.groups))
 
 
-def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    observed = kept.observed @ horizon.axes.T
-    return replace(kept, type=PLAIN_TYPES["vector"], observed=observed, blocks=kept.blocks[:-1])
+def _in_plane(group: ObservationGroup, horizon: Horizon, rotations: FloatArray) -> ObservationGroup:
+    """Return a group on the earth as plain observations; of vectors, positions and attitudes the complete rows."""
+    key, constants = group.type.key, group.constants
+    coordinates, flat = PLAIN_TYPES["coordinates"], np.zeros(group.count, dtype=np.int64)
+    match key:
+        case "gnss_vector":
+            kept = _complete(group)
+            observed = kept.observed @ horizon.axes.T
+            return replace(kept, type=PLAIN_TYPES["vector"], observed=observed, blocks=kept.blocks[:-1])
+        case "gnss_position":
+            kept = _complete(group)
+            observed = horizon.from_geocentric(kept.observed)
+            return replace(kept, type=coordinates, observed=observed, blocks=kept.blocks[:-1])
+        case "geodetic_position":
+            kept = _complete(group)
+            sigma = np.where(kept.type.wraps, kept.sigma * horizon.ellipsoid.a, kept.sigma)
+            return replace(kept, type=coordinates, observed=horizon.from_geodetic(kept.observed), sigma=sigma)
+        case "projected_attitude" | "navigation_attitude":
+            kept = _complete(group)
+            _, image, boresight = kept.blocks
+            observed = in_object_axes(kept.type, kept.observed, kept.constants, rotations[boresight])
+            return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=(image,))
+        case "projected_position" | "control":  # their first constants are coordinates of the object system
+            return replace(group, type=coordinates, observed=np.where(group.mask, constants[:, :3], np.nan))
+        case "ellipsoidal_height" | "orthometric_height":
+            height = group.observed + (constants[:, :1] if group.type.constants else 0.0)
+            nothing = np.full((group.count, 2), np.nan)
+            observed, sigma = np.hstack([nothing, height]), np.hstack([nothing, group.sigma])
+            return replace(group, type=coordinates, observed=observed, sigma=sigma)
+        case "height_difference" | "ellipsoidal_height_difference":
+            rise = constants[:, 1:] - constants[:, :1] if group.type.constants else 0.0
+            return replace(group, type=PLAIN_TYPES["height_difference"], observed=group.observed + rise)
+        case "azimuth" | "astronomic_azimuth":
+            return replace(group, type=PLAIN_TYPES["bearing"])
+        case "projected_bearing":  # block 0 is the height that nothing has
+            start, end = group.blocks
+            return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
+        case "ellipsoid_arc" | "ellipsoid_chord" | "mean_sea_level_distance" | "height_reduced_distance":
+            start, end, meter = group.blocks
+            return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
+    return group
 
 
-def _geocentric(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    observed = horizon.from_geocentric(kept.observed)
-    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, blocks=kept.blocks[:-1])
-
-
-def _geodetic(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    sigma = np.where(kept.type.wraps, kept.sigma * horizon.ellipsoid.a, kept.sigma)
-    observed = horizon.from_geodetic(kept.observed)
-    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
-
-
-def _projected(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    return replace(group, type=PLAIN_TYPES["coordinates"], observed=group.constants[:, :3])
-
-
-def _control(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    observed = np.where(group.mask, group.constants[:, :3], np.nan)
-    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed)
-
-
-def _heights(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    geoid = group.constants[:, :1] if group.type.constants else 0.0
-    nothing = np.full((group.count, 2), np.nan)
-    observed, sigma = (np.hstack([nothing, column]) for column in (group.observed + geoid, group.sigma))
-    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
-
-
-def _differences(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    rise = group.constants[:, 1:] - group.constants[:, :1] if group.type.constants else 0.0
-    return replace(group, type=PLAIN_TYPES["height_difference"], observed=group.observed + rise)
-
-
-def _bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    return replace(group, type=PLAIN_TYPES["bearing"])
-
-
-def _level_bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    start, end = group.blocks
-    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
-    return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
-
-
-def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
-    start, end, meter = group.blocks
-    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
-    return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
-
-
-def _attitudes(group: ObservationGroup, rotations: FloatArray) -> ObservationGroup:
-    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
-    _, image, boresight = kept.blocks
-    observed = in_object_axes(kept.type, kept.observed, kept.constants, rotations[boresight])
-    return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=(image,))
-
-
-_PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
-    "gnss_vector": _vectors,
-    "gnss_position": _geocentric,
-    "geodetic_position": _geodetic,
-    "projected_position": _projected,
-    "control": _control,
-    "ellipsoidal_height": _heights,
-    "orthometric_height": _heights,
-    "height_difference": _differences,
-    "ellipsoidal_height_difference": _differences,
-    "azimuth": _bearings,
-    "astronomic_azimuth": _bearings,
-    "projected_bearing": _level_bearings,
-    "ellipsoid_arc": _distances,
-    "ellipsoid_chord": _distances,
-    "mean_sea_level_distance": _distances,
-    "height_reduced_distance": _distances,
-}
+def _complete(group: ObservationGroup) -> ObservationGroup:
+    return some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
 
 
 # ---- Observations to projection centres, as start values take them: as to the places of the images.
-
-_PLAIN_OF = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES.items()}
 
 
 def to_places(network: Network) -> Network:
@@ -671,14 +583,16 @@ def to_places(network: Network) -> Network:
 
     An eccentricity is left to the adjustment; of a stereo follower the place is that of its leader, so its rows go.
     """
-    if not any(group.type.key in _PLAIN_OF for group in network.groups):
+    plain = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES.items()}
+    if not any(group.type.key in plain for group in network.groups):
         return network
-    groups = tuple(_plain(network, group) if group.type.key in _PLAIN_OF else group for group in network.groups)
+    groups = tuple(
+        _plain(network, group, plain[group.type.key]) if group.type.key in plain else group for group in network.groups
+    )
     return replace(network, groups=groups)
 
 
-def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
-    plain = _PLAIN_OF[group.type.key]
+def _plain(network: Network, group: ObservationGroup, plain: ObservationType) -> ObservationGroup:
     stands = np.ones(group.count, dtype=bool)
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
         if slot.kind == "base":
@@ -699,18 +613,10 @@ def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
 #
 # Where the start values do not agree with the observations, other answers to what was in doubt on the way are tried.
 
-SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
-"""Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
 OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
 FEW = 1_000
 """Observations from which fewer are tried, in inverse proportion, one at least."""
-_ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
-"""Types of observations that determine how the network is turned."""
-_TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
-"""Types of observations that stay the same in any turn of the network; an image type is ``image/…``."""
-SMALL = 5_000
-"""Observations up to which start values are adjusted before they are judged."""
 
 
 def approximate(network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED) -> Approximation:
@@ -745,7 +651,9 @@ def _likeliest(
         return assembled(network, replace(scene, choices=choices))
 
     def judged(assembly: Assembly) -> Judgement:
-        return _as_they_stand(assembly, _approximation(assembly))
+        found = _approximation(assembly)
+        missing = sum(thing.observations > 1 for thing in found.missing)
+        return Judgement(missing, *disagreement(assembly.network.groups, found.start))
 
     def adjusted(assembly: Assembly, judgement: Judgement) -> Judgement:
         return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
@@ -768,25 +676,22 @@ def _left_free(network: Network) -> tuple[FreeRotation, bool]:
     """Return the turns that the observations leave free, and whether they determine the size."""
     types = [group.type for group in network.groups]
     keys = {type_.key for type_ in types}
-    if keys & _ORIENTING:
+    if keys & {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}:
         turn = FreeRotation.NONE
     else:
-        turn = FreeRotation.ANY if all(key.split("/")[0] in _TURNING for key in keys) else FreeRotation.VERTICAL
+        # These stay the same in any turn of the network; an image type is ``image/…``.
+        turning = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
+        turn = FreeRotation.ANY if {key.split("/")[0] for key in keys} <= turning else FreeRotation.VERTICAL
     scaled = any(component.quantity.length for type_ in types for component in type_.components)
     return turn, scaled
-
-
-def _as_they_stand(assembly: Assembly, found: Approximation) -> Judgement:
-    """Count things without start values and measure the agreement of the others."""
-    missing = sum(thing.observations > 1 for thing in found.missing)
-    return Judgement(missing, *disagreement(assembly.network.groups, found.start))
 
 
 def _adjusted(
     assembly: Assembly, found: Approximation, judgement: Judgement, moving: Network, settle: SettleNetwork | None
 ) -> Judgement:
     """The judgement after an adjustment, where one can be made and may tell more."""
-    small, sound = assembly.network.observations <= SMALL, judgement.worst <= SOUND
+    # Observations up to which start values are adjusted before they are judged.
+    small, sound = assembly.network.observations <= 5_000, judgement.worst <= SOUND
     if settle is None or not small or found.missing or (sound and not assembly.scene.choices.open):
         return judgement
     judgement = judgement._replace(before=judgement.fit)

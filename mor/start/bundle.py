@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property, wraps
+from itertools import combinations
+from math import comb
 from typing import NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
@@ -15,7 +17,41 @@ from mor.model import rotations
 from mor.model.cameras import CameraModel
 from mor.types import BoolArray, FloatArray, IntArray
 
+Rows = TypeVar("Rows", FloatArray, IntArray)
+
+# ---- How well alternatives fit.
+
+AS_GOOD = 25.0
+"""Σ (v/σ)² by which another solution may be worse and still count as fitting equally well (5 σ)."""
+BY_ITSELF = 2.9e-7
+"""Probability that errors alone lead beyond 5 σ, on one side."""
+
+
+def evenly(rows: Rows, most: int) -> Rows:
+    """Return the rows, ``most`` of them evenly spread if they are more."""
+    return rows if len(rows) <= most else rows[np.linspace(0, len(rows) - 1, most).astype(int)]
+
+
+def samples(count: int, size: int, most: int, batch: int, random: np.random.Generator) -> Iterator[IntArray]:
+    """Batches (k, size) of samples of ``count`` rows, ``most`` in all: every sample, where these are not more."""
+    if comb(count, size) > most:
+        for _ in range(0, most, batch):
+            yield np.stack([random.permutation(count)[:size] for _ in range(batch)]).astype(np.int64)
+        return
+    every = random.permutation(np.array(list(combinations(range(count), size)), dtype=np.int64))
+    for first in range(0, len(every), batch):
+        yield every[first : first + batch]
+
+
 # ---- Vectors of three components, many at a time.
+
+
+def sphere(count: int) -> FloatArray:
+    """Unit vectors (count, 3) spread evenly, from +Z to −Z: equal steps in height, the golden angle in between."""
+    k = np.arange(count) + 0.5
+    z, around = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
+    flat = np.sqrt(1.0 - z**2)
+    return np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -192,28 +228,24 @@ Given = ParamSpec("Given")
 Found = TypeVar("Found")
 
 
-def remembered(most: int) -> Callable[[Callable[Given, Found]], Callable[Given, Found]]:
-    """Decorate a pure function of arrays and hashable values; keep its last ``most`` results.
+def remembered(function: Callable[Given, Found]) -> Callable[Given, Found]:
+    """Decorate a pure function of arrays and hashable values; keep its last 512 results.
 
     Callers share the results and must not change them.
     """
+    known: OrderedDict[Hashable, Found] = OrderedDict()
 
-    def decorate(function: Callable[Given, Found]) -> Callable[Given, Found]:
-        known: OrderedDict[Hashable, Found] = OrderedDict()
+    @wraps(function)
+    def cached(*args: Given.args, **kwargs: Given.kwargs) -> Found:
+        key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
+        if key not in known:
+            known[key] = function(*args, **kwargs)
+            if len(known) > 512:
+                known.popitem(last=False)
+        known.move_to_end(key)
+        return known[key]
 
-        @wraps(function)
-        def cached(*args: Given.args, **kwargs: Given.kwargs) -> Found:
-            key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
-            if key not in known:
-                known[key] = function(*args, **kwargs)
-                if len(known) > most:
-                    known.popitem(last=False)
-            known.move_to_end(key)
-            return known[key]
-
-        return cached
-
-    return decorate
+    return cached
 
 
 def _hashable(value: object) -> Hashable:
@@ -224,13 +256,8 @@ def _hashable(value: object) -> Hashable:
 
 # ---- From measured image coordinates back to rays, through any camera model.
 
-_CHUNK = 5000
 _FAR = 2.0**20
 """Distance of the points on rays; a power of 2 changes no digit of a central projection."""
-_REACHED, _MISSED = 1e-12, 1e-6
-"""Parts of the camera constant: no further step is made, and the ray is not reached."""
-_STANDS = 1e-9
-"""Radians of a step after which no other one is needed, or none leads farther."""
 
 
 def ideal_rays(
@@ -248,8 +275,8 @@ def ideal_rays(
     """
     rays = np.empty((len(measured), 3))
     # Some thousand rays at a time stay in the cache, and ten million do not fill the memory with derivatives.
-    for first in range(0, len(measured), _CHUNK):
-        chosen = slice(first, first + _CHUNK)
+    for first in range(0, len(measured), 5000):
+        chosen = slice(first, first + 5000)
         rays[chosen] = _chunk_of_rays(model, interior[of[chosen]], constants[chosen], measured[chosen])
     return rays
 
@@ -264,15 +291,17 @@ def _chunk_of_rays(model: CameraModel, interior: FloatArray, constants: FloatArr
             projection = model.project(_FAR * ray, interior, constants, measured)
             wrong = measured - projection.xy
             away = np.abs(wrong).max(axis=1) / interior[:, 0]
-            if not left or np.nanmax(away, initial=0.0) < _REACHED:
+            # Parts of the camera constant: no further step is made, and the ray is not reached.
+            if not left or np.nanmax(away, initial=0.0) < 1e-12:
                 break
             across = tangent_axes(ray)
             step = _solved(_FAR * projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
             ray = unit(ray + np.einsum("nij,nj->ni", across, step))
-            if np.nanmax(np.abs(step), initial=0.0) < _STANDS:
+            # Radians of a step after which no other one is needed, or none leads farther.
+            if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
                 break
-    missed: BoolArray = np.asarray(~(away < _MISSED))
+    missed: BoolArray = np.asarray(~(away < 1e-6))
     return np.where(missed[:, None], start, ray)
 
 
@@ -287,17 +316,11 @@ def _solved(jacobian: FloatArray, wrong: FloatArray, least: FloatArray) -> Float
     return np.where(good[:, None], solution, 0.0)
 
 
-# ---- Closed-form similarity between two sets of points, in space and in the plane; weighted, with or without
-# scale.
+# ---- Closed-form similarity between two sets of points, in space and in the plane, with or without scale.
 #
-# target = λ R source + t. The rotation is the orthogonal factor of the weighted cross-covariance (P. H.
+# target = λ R source + t. The rotation is the orthogonal factor of the cross-covariance (P. H.
 # Schönemann 1966; B. K. P. Horn 1987; S. Umeyama 1991 for the sign of the determinant), the scale follows
 # from the spreads. A local system X̄ = λ D (X − X0) is the same with D = R, X0 = ``origin``.
-
-LINE = 1e-9
-"""Extension across, relative to that along, below which points lie in a line, or at one place."""
-BETTER = 10.0
-"""So many times smaller must the residuals of the reflection be for the sets to count as mirrored."""
 
 
 class SimilarityOutcome(Enum):
@@ -328,11 +351,15 @@ class Similarity(NamedTuple):
     residuals: FloatArray
     """(n, d) transformed minus target, in the unit of the target."""
     sigma0: float
-    """Standard deviation of a coordinate of weight one; not a number without redundancy."""
+    """Standard deviation of a coordinate; not a number without redundancy."""
 
     def transform(self, points: FloatArray) -> FloatArray:
         """Carry points (n, d) over."""
         return np.asarray(self.scale * points @ self.rotation.T + self.translation)
+
+    def times(self, factor: float) -> Similarity:
+        """Return the similarity to a target that is so many times larger."""
+        return self._replace(scale=self.scale * factor, translation=self.translation * factor)
 
     @property
     def origin(self) -> FloatArray:
@@ -344,43 +371,46 @@ class Similarity(NamedTuple):
         return np.asarray((points - self.translation) @ self.rotation / self.scale)
 
 
-def similarity(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
-    """Similarity with scale of n points (n, d), d = 2 (n ≥ 2) or 3 (n ≥ 3, not collinear); ``weights`` (n,) > 0."""
-    return _similarity_solved(source, target, weights, scaled=True)
+def movement_by(scale: float = 1.0, rotation: FloatArray | None = None, shift: FloatArray | None = None) -> Similarity:
+    """Return a similarity in space of a given scale, rotation (3, 3) and shift (3,)."""
+    R, t = np.eye(3) if rotation is None else rotation, np.zeros(3) if shift is None else shift
+    return Similarity(SimilarityOutcome.DETERMINED, scale, R, t, np.zeros((0, 3)), 0.0)
 
 
-def congruence(source: FloatArray, target: FloatArray, weights: FloatArray | None = None) -> Similarity:
+def similarity(source: FloatArray, target: FloatArray) -> Similarity:
+    """Similarity with scale of n points (n, d), d = 2 (n ≥ 2) or 3 (n ≥ 3, not collinear)."""
+    return _similarity_solved(source, target, scaled=True)
+
+
+def congruence(source: FloatArray, target: FloatArray) -> Similarity:
     """Return the same with scale 1."""
-    return _similarity_solved(source, target, weights, scaled=False)
+    return _similarity_solved(source, target, scaled=False)
 
 
-def _similarity_solved(
-    source: FloatArray, target: FloatArray, weights: FloatArray | None, *, scaled: bool
-) -> Similarity:
+def _similarity_solved(source: FloatArray, target: FloatArray, *, scaled: bool) -> Similarity:
     source, target = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
-    weight = np.ones(len(source)) if weights is None else np.asarray(weights, dtype=float)
-    refusal = _refusal(source, target, weight)
+    refusal = _refusal(source, target)
     if refusal is not None:
         return _failed(refusal, source)
     dimension = source.shape[1]
-    centre_source = weight @ source / np.sum(weight)
-    centre_target = weight @ target / np.sum(weight)
+    centre_source, centre_target = source.mean(axis=0), target.mean(axis=0)
     a, b = source - centre_source, target - centre_target
-    left, values, right = rotations.svd(b.T @ (a * weight[:, None]))
+    left, values, right = rotations.svd(b.T @ a)
     proper = np.ones(dimension)
     proper[-1] = np.sign(np.linalg.det(left @ right))
     rotation = (left * proper) @ right
-    spread_source, spread_target = (float(np.sum(weight[:, None] * a**2)), float(np.sum(weight[:, None] * b**2)))
+    spread_source, spread_target = float(np.sum(a**2)), float(np.sum(b**2))
     scale = float(values @ proper) / spread_source if scaled else 1.0
     if not scale > 0.0:
         return _failed(SimilarityOutcome.MIRRORED, source)
     translation = centre_target - scale * rotation @ centre_source
     residuals = scale * source @ rotation.T + translation - target
-    objective = float(np.sum(weight[:, None] * residuals**2))
+    objective = float(np.sum(residuals**2))
     reflected = float(np.sum(values))
     mirrored_scale = reflected / spread_source if scaled else 1.0
     mirrored = spread_target + mirrored_scale**2 * spread_source - 2.0 * mirrored_scale * reflected
-    is_mirrored = proper[-1] < 0.0 and objective > BETTER**2 * max(mirrored, 1e-20 * spread_target)
+    # So many times smaller must the residuals of the reflection be for the sets to count as mirrored.
+    is_mirrored = proper[-1] < 0.0 and objective > 10.0**2 * max(mirrored, 1e-20 * spread_target)
     redundancy = source.size - dimension - dimension * (dimension - 1) // 2 - int(scaled)
     return Similarity(
         SimilarityOutcome.MIRRORED if is_mirrored else SimilarityOutcome.DETERMINED,
@@ -392,19 +422,19 @@ def _similarity_solved(
     )
 
 
-def _refusal(source: FloatArray, target: FloatArray, weight: FloatArray) -> SimilarityOutcome | None:
-    if source.shape != target.shape or len(weight) != len(source) or source.shape[1] not in (2, 3):
+def _refusal(source: FloatArray, target: FloatArray) -> SimilarityOutcome | None:
+    if source.shape != target.shape or source.shape[1] not in (2, 3):
         return SimilarityOutcome.INVALID
-    if not np.all(np.isfinite(source)) or not np.all(np.isfinite(target)) or not np.all(weight > 0.0):
+    if not np.all(np.isfinite(source)) or not np.all(np.isfinite(target)):
         return SimilarityOutcome.INVALID
     if len(source) < source.shape[1]:
         return SimilarityOutcome.TOO_FEW
     for points in (source, target):
         values = rotations.singular_values(points - points.mean(axis=0))
-        size = float(np.max(np.abs(points)))
-        if values[0] <= 1e-14 * size:
+        if values[0] <= 1e-14 * float(np.max(np.abs(points))):
             return SimilarityOutcome.COINCIDENT
-        if points.shape[1] == 3 and values[1] <= LINE * values[0]:
+        # Extension across, relative to that along, below which points lie in a line.
+        if points.shape[1] == 3 and values[1] <= 1e-9 * values[0]:
             return SimilarityOutcome.COLLINEAR
     return None
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ import scipy.sparse
 from scipy.sparse.csgraph import shortest_path
 
 from mor.model import rotations
-from mor.start.bundle import congruence, principal_rows
+from mor.start.bundle import AS_GOOD, congruence, principal_rows
 from mor.start.sights import bearing, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -21,9 +20,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 #
 # A wrong identity among four arcs or a dozen directions draws what follows from all of them away, and with it
 # whatever hangs on that later.
-
-CANDIDATES = 6
-"""Measurements of which each is left out on trial: those that fit worst."""
 
 
 class FitQuality(NamedTuple):
@@ -46,7 +42,8 @@ def agreeing(count: int, fit: Callable[[IntArray], FitQuality], limit: float, le
     while not found.sigma0 <= limit:
         if len(rows) <= max(least, count - most):
             return np.arange(count)
-        worst = np.argsort(-found.sizes, kind="stable")[:CANDIDATES]
+        # Measurements of which each is left out on trial: those that fit worst.
+        worst = np.argsort(-found.sizes, kind="stable")[:6]
         tried = [np.delete(rows, k) for k in (worst if len(worst) else range(len(rows)))]
         fits = [fit(one) for one in tried]
         best = int(np.argmin([one.sigma0 for one in fits]))
@@ -54,179 +51,14 @@ def agreeing(count: int, fit: Callable[[IntArray], FitQuality], limit: float, le
     return rows
 
 
-# ---- Points in the plane from two or more bearings (forward section) or distances (arc section).
-
-
-class SectionOutcome(Enum):
-    """Outcome of a section in the plane."""
-
-    DETERMINED = "determined"
-    AMBIGUOUS = "two points fit: on either side of the line of the stations"
-    TOO_FEW = "fewer than two bearings or distances"
-    INVALID = "a value is not a number, or a distance is not positive"
-    SAME_PLACE = "the stations coincide"
-    PARALLEL = "the bearings are nearly parallel: the distance of their intersection is undetermined"
-    BEHIND = "the bearings intersect behind a station: a bearing is reversed or wrong"
-    TOUCHING = "the arcs are nearly tangent: the point is close to the line through the stations and poorly determined"
-    APART = "the arcs do not intersect: a distance or the scale is wrong"
-
-
-class PlaneIntersection(NamedTuple):
-    """Points that fit, the best first."""
-
-    outcome: SectionOutcome
-    points: FloatArray
-    """(k, 2), k = 0, 1 or 2."""
-    sigma0: float
-    """√ of the mean square misclosure: angular (radians) of bearings, length of distances; NaN without redundancy."""
-
-    @property
-    def point(self) -> FloatArray:
-        """(2,) the first point; not a number where there is none."""
-        return self.points[0] if len(self.points) else np.full(2, np.nan)
-
-
-SMALLEST_ANGLE = 1e-4
-"""Angle in radians below which bearings are parallel and arcs touch."""
-REFINEMENTS = 20
-
-
-def bearing_section(stations: FloatArray, bearings: FloatArray) -> PlaneIntersection:
-    """Point from n ≥ 2 bearings (n,) at ``stations`` (n, 2); more than two by least squares of the angles."""
-    stations, t = np.asarray(stations, dtype=float), np.asarray(bearings, dtype=float)
-    if len(t) < 2:
-        return _none(SectionOutcome.TOO_FEW)
-    if not np.all(np.isfinite(stations)) or not np.all(np.isfinite(t)):
-        return _none(SectionOutcome.INVALID)
-    if not np.any(np.ptp(stations, axis=0) > 0.0):
-        return _none(SectionOutcome.SAME_PLACE)
-    if float(np.max(np.abs(np.sin(t[:, None] - t[None, :])))) < SMALLEST_ANGLE:
-        return _none(SectionOutcome.PARALLEL)
-    along = np.stack([np.sin(t), np.cos(t)], axis=1)
-    across = np.stack([np.cos(t), -np.sin(t)], axis=1)
-    centre = stations.mean(axis=0)
-    offset = np.einsum("ni,ni->n", across, stations - centre)
-    point = centre + rotations.lstsq(across, offset, rcond=None)
-    for _ in range(REFINEMENTS if len(t) > 2 else 0):
-        ranges = np.maximum(np.linalg.norm(point - stations, axis=1), 1e-12)
-        step = rotations.lstsq(
-            across / ranges[:, None], -np.einsum("ni,ni->n", across, point - stations) / ranges, rcond=None
-        )
-        point = point + step
-        if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
-            break
-    if np.any(np.einsum("ni,ni->n", along, point - stations) < 0.0):
-        return PlaneIntersection(SectionOutcome.BEHIND, point[None], float("nan"))
-    difference = misclosures_of_bearings(stations, t, point)
-    sigma0 = float(np.sqrt(difference @ difference / (len(t) - 2))) if len(t) > 2 else float("nan")
-    return PlaneIntersection(SectionOutcome.DETERMINED, point[None], sigma0)
-
-
-def arc_section(stations: FloatArray, distances: FloatArray) -> PlaneIntersection:
-    """Points from n ≥ 2 horizontal distances (n,) at ``stations`` (n, 2).
-
-    Two distances leave two points, the one to the left of the line from the first to the second station
-    first. More decide by least squares, unless the stations lie in one line.
-    """
-    stations, d = np.asarray(stations, dtype=float), np.asarray(distances, dtype=float)
-    if len(d) < 2:
-        return _none(SectionOutcome.TOO_FEW)
-    if not np.all(np.isfinite(stations)) or not np.all(d > 0.0) or not np.all(np.isfinite(d)):
-        return _none(SectionOutcome.INVALID)
-    separations = np.linalg.norm(stations[:, None] - stations[None, :], axis=2)
-    if not np.max(separations) > 0.0:
-        return _none(SectionOutcome.SAME_PLACE)
-    first, second = _best_pair(separations, d)
-    if first == second:
-        return _none(SectionOutcome.APART)
-    section = _two_arcs(stations[first], d[first], stations[second], d[second])
-    return section if len(d) == 2 else _many_arcs(stations, d, section)
-
-
-def _best_pair(separations: FloatArray, d: FloatArray) -> tuple[int, int]:
-    """Stations whose arcs cut at the best angle: |sin| of the angle at the point largest."""
-    cosine = (d[:, None] ** 2 + d[None, :] ** 2 - separations**2) / (2.0 * np.outer(d, d))
-    sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
-    sine[separations == 0.0] = -1.0
-    best = np.triu(sine + 1.0, 1)
-    if len(d) > 2 and np.max(np.triu(sine, 1)) <= 0.0:
-        return 0, 0
-    i, j = np.unravel_index(int(np.argmax(best)), best.shape)
-    return int(i), int(j)
-
-
-def _two_arcs(first: FloatArray, d1: float, second: FloatArray, d2: float) -> PlaneIntersection:
-    base = second - first
-    length = float(np.linalg.norm(base))
-    along = (length**2 + d1**2 - d2**2) / (2.0 * length)
-    square = d1**2 - along**2
-    direction = base / length
-    left = np.array([-direction[1], direction[0]])
-    foot = first + along * direction
-    if abs(square) < (SMALLEST_ANGLE * d1) ** 2:
-        return PlaneIntersection(SectionOutcome.TOUCHING, foot[None], float("nan"))
-    if square < 0.0:
-        return _none(SectionOutcome.APART)
-    height = float(np.sqrt(square))
-    return PlaneIntersection(
-        SectionOutcome.AMBIGUOUS, np.stack([foot + height * left, foot - height * left]), float("nan")
-    )
-
-
-def _many_arcs(stations: FloatArray, d: FloatArray, section: PlaneIntersection) -> PlaneIntersection:
-    if not len(section.points):
-        return section
-    refined = [_refined_arc(stations, d, point) for point in section.points]
-    misfits = np.array([float(np.sum(misclosures_of_arcs(stations, d, point) ** 2)) for point in refined])
-    order = np.argsort(misfits, kind="stable")
-    sigma0 = float(np.sqrt(misfits[order[0]] / (len(d) - 2)))
-    values = rotations.singular_values(stations - stations.mean(axis=0))
-    in_line = values[1] < 1e-6 * values[0]
-    points = np.stack([refined[index] for index in order])
-    if section.outcome is SectionOutcome.AMBIGUOUS and not in_line:
-        return PlaneIntersection(SectionOutcome.DETERMINED, points[:1], sigma0)
-    return PlaneIntersection(section.outcome, points, sigma0)
-
-
-def misclosures_of_arcs(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
-    """(n,) computed less measured horizontal distances."""
-    return np.asarray(np.linalg.norm(point - stations, axis=1) - d)
-
-
-def misclosures_of_bearings(stations: FloatArray, bearings: FloatArray, point: FloatArray) -> FloatArray:
-    """(n,) computed less measured bearings."""
-    return np.asarray(np.angle(np.exp(1j * (np.arctan2(*(point - stations).T) - bearings))))
-
-
-def _refined_arc(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
-    for _ in range(REFINEMENTS):
-        offset = point - stations
-        ranges = np.maximum(np.linalg.norm(offset, axis=1), 1e-12)
-        step = -rotations.lstsq(offset / ranges[:, None], ranges - d, rcond=1e-9)
-        point = point + step
-        if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
-            break
-    return point
-
-
-def _none(outcome: SectionOutcome) -> PlaneIntersection:
-    return PlaneIntersection(outcome, np.zeros((0, 2)), float("nan"))
-
-
 # ---- Free stationing in the plane and in space: directions and distances to known points, in any mixture.
 #
 # Three directions give the station in closed form (Rückwärtsschnitt): with the known orientation turned into
 # the instrument, n · R (P − S) = 0 is linear and homogeneous in cos κ, sin κ and R S; its null vector is the
 # solution, and where it has two, the points and the station lie on one circle, the dangerous one. Two
-# distances give two stations (arc section), direction and distance together a congruence. Every seed is
-# refined with all that was measured; what then fits alike is ambiguous.
-
-SEED_PAIRS = 30
-"""Combinations of points that seeds are taken from."""
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another station may be worse and still fit as well (5 σ)."""
-CIRCLE = 30.0
-"""σ of a direction, relative to the singular value, beyond which the station is on the dangerous circle."""
+# distances give two stations (arc section), direction and distance together a congruence. A point that is
+# sighted under known bearings is a station of known orientation (forward section). Every seed is refined with
+# all that was measured; what then fits alike is ambiguous.
 
 
 class StationOutcome(Enum):
@@ -235,6 +67,7 @@ class StationOutcome(Enum):
     DETERMINED = "determined"
     AMBIGUOUS = "several stations fit: another direction or distance decides between them"
     TOO_FEW = "too few measurements: three directions, or two distances, or both to two points"
+    PARALLEL = "the bearings are nearly parallel: the distance of their intersection is undetermined"
     DANGEROUS_CIRCLE = "station and sighted points lie on one circle: directions alone do not determine it"
     DOES_NOT_FIT = "no station fits the measurements: wrong points or a wrong distance"
 
@@ -261,21 +94,35 @@ class FreeStation(NamedTuple):
 
 
 def free_station_level(
-    points: FloatArray, directions: FloatArray, distances: FloatArray, sigma_direction: float, sigma_distance: float
+    points: FloatArray,
+    directions: FloatArray,
+    distances: FloatArray,
+    sigma_direction: float,
+    sigma_distance: float,
+    oriented: bool = False,
 ) -> FreeStation:
-    """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where missing."""
+    """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where missing.
+
+    ``oriented``: the directions are bearings, κ = 0.
+    """
     points = np.asarray(points, dtype=float)
     observed = np.column_stack([directions, distances]).astype(float)
     sigma = np.array([sigma_direction, sigma_distance])
     has = np.isfinite(observed)
     count = int(np.sum(has))
-    unknowns = 3 if np.any(has[:, 0]) else 2
+    turns = bool(np.any(has[:, 0])) and not oriented
+    unknowns = 2 + turns
     places, sights = _places(points[np.any(has, axis=1)]), _places(points[has[:, 0]])
-    if count < unknowns or (not np.any(has[:, 1]) and sights < 3) or places < 2:
+    if count < unknowns or (not np.any(has[:, 1]) and sights < 2 + turns) or places < 2:
         return _no_station(StationOutcome.TOO_FEW, len(points))
-    if not np.any(has[:, 1]) and _on_circle(points[has[:, 0]], observed[has[:, 0], 0], sigma_direction):
+    t = observed[has[:, 0], 0]
+    # Radians at which two bearings must meet.
+    if oriented and not np.any(has[:, 1]) and np.abs(np.sin(np.subtract.outer(t, t))).max() < 0.05:
+        return _no_station(StationOutcome.PARALLEL, len(points))
+    if turns and not np.any(has[:, 1]) and _on_circle(points[has[:, 0]], t, sigma_direction):
         return _no_station(StationOutcome.DANGEROUS_CIRCLE, len(points))
-    refined = [_refine(points, observed, sigma, seed) for seed in _seeds(points, observed, has)]
+    seeds = _oriented_seeds(points, observed, has) if oriented else _seeds(points, observed, has)
+    refined = [_refine(points, observed, sigma, seed, turns) for seed in seeds]
     fitting = [one for one in refined if one is not None]
     if not fitting:
         return _no_station(StationOutcome.DOES_NOT_FIT, len(points))
@@ -297,7 +144,8 @@ def resect_directions(points: FloatArray, directions: FloatArray) -> tuple[Float
     padded, right = principal_rows(rows)
     solution = right[3] / np.hypot(right[3, 0], right[3, 1])
     c, s, u, v = solution
-    if _looking_back(x, y, directions, c, s, u, v):
+    ahead = sine * (c * x + s * y - u) + cosine * (c * y - s * x - v)
+    if np.sum(ahead > 0.0) < np.sum(ahead < 0.0):
         c, s, u, v = -c, -s, -u, -v
     position = centre + size * np.array([c * u - s * v, s * u + c * v])
     return position, float(np.arctan2(s, c)), padded
@@ -308,14 +156,10 @@ def _places(points: FloatArray) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _looking_back(x: FloatArray, y: FloatArray, directions: FloatArray, c: float, s: float, u: float, v: float) -> bool:
-    ahead = np.sin(directions) * (c * x + s * y - u) + np.cos(directions) * (c * y - s * x - v)
-    return bool(np.sum(ahead > 0.0) < np.sum(ahead < 0.0))
-
-
 def _on_circle(points: FloatArray, directions: FloatArray, sigma: float) -> bool:
     values = resect_directions(points, directions)[2]
-    return bool(values[2] < CIRCLE * sigma + 1e-9)
+    # σ of a direction, relative to the singular value, beyond which the station is on the dangerous circle.
+    return bool(values[2] < 30.0 * sigma + 1e-9)
 
 
 def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tuple[FloatArray, float]]:
@@ -333,13 +177,41 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
         seeds.append((position, kappa))
     if len(both) > 2:
         return seeds
-    for i, j in list(combinations(measured, 2))[:SEED_PAIRS]:
-        for position in arc_section(points[[i, j]], observed[[i, j], 1]).points:
-            seeds.append((position, _kappa(points, observed, position)))
-    for i in both[:SEED_PAIRS]:
-        for j in sighted[sighted != i][:SEED_PAIRS]:
+    for position in _arc_section(points[measured], observed[measured, 1]):
+        seeds.append((position, orient(position, points[sighted], observed[sighted, 0]).kappa))
+    for i in both:
+        for j in sighted[sighted != i][:30]:
             seeds.extend(_side_side_angle(points, observed, int(i), int(j)))
     return seeds
+
+
+def _oriented_seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tuple[FloatArray, float]]:
+    """Where bearings meet, by linear equations across them, and arcs."""
+    sighted, measured = has.T
+    seeds = [(position, 0.0) for position in _arc_section(points[measured], observed[measured, 1])]
+    if _places(points[sighted]) > 1:
+        t, centre = observed[sighted, 0], points[sighted].mean(axis=0)
+        across = np.stack([np.cos(t), -np.sin(t)], axis=1)
+        offset = np.einsum("ni,ni->n", across, points[sighted] - centre)
+        seeds.append((centre + rotations.lstsq(across, offset, rcond=None), 0.0))
+    return seeds
+
+
+def _arc_section(centres: FloatArray, distances: FloatArray) -> FloatArray:
+    """The two points (2, 2) of the arcs (n,) that cut best; where they stay apart the place between them; or none."""
+    i, j = np.triu_indices(len(distances), 1)
+    base = np.linalg.norm(centres[j] - centres[i], axis=1)
+    i, j, base = i[base > 0.0], j[base > 0.0], base[base > 0.0]
+    if not len(base):
+        return np.zeros((0, 2))
+    cosine = (distances[i] ** 2 + distances[j] ** 2 - base**2) / (2.0 * distances[i] * distances[j])
+    best = int(np.argmin(np.abs(cosine)))
+    one, other, length = distances[i[best]], distances[j[best]], base[best]
+    along = (length**2 + one**2 - other**2) / (2.0 * length)
+    direction = (centres[j[best]] - centres[i[best]]) / length
+    foot = centres[i[best]] + along * direction
+    height = np.sqrt(max(one**2 - along**2, 0.0)) * np.array([-direction[1], direction[0]])
+    return np.stack([foot + height, foot - height])
 
 
 def _side_side_angle(points: FloatArray, observed: FloatArray, i: int, j: int) -> list[tuple[FloatArray, float]]:
@@ -359,18 +231,13 @@ def _side_side_angle(points: FloatArray, observed: FloatArray, i: int, j: int) -
     return seeds
 
 
-def _kappa(points: FloatArray, observed: FloatArray, position: FloatArray) -> float:
-    sighted = np.isfinite(observed[:, 0])
-    return orient(position, points[sighted], observed[sighted, 0]).kappa
-
-
 def _misclosure(points: FloatArray, observed: FloatArray, position: FloatArray, kappa: float) -> FloatArray:
     direction = np.angle(np.exp(1j * (bearing(position, points) + np.nan_to_num(kappa) - observed[:, 0])))
     return np.column_stack([direction, np.linalg.norm(points - position, axis=1) - observed[:, 1]])
 
 
 def _refine(
-    points: FloatArray, observed: FloatArray, sigma: FloatArray, seed: tuple[FloatArray, float]
+    points: FloatArray, observed: FloatArray, sigma: FloatArray, seed: tuple[FloatArray, float], turns: bool
 ) -> tuple[FloatArray, float] | None:
     position, kappa = seed
     used = np.isfinite(observed)
@@ -378,7 +245,7 @@ def _refine(
         offset = points - position
         square = np.maximum(np.sum(offset**2, axis=1), 1e-24)
         design = np.zeros((len(points), 2, 3))
-        design[:, 0, 0], design[:, 0, 1], design[:, 0, 2] = -offset[:, 1] / square, offset[:, 0] / square, 1.0
+        design[:, 0, 0], design[:, 0, 1], design[:, 0, 2] = -offset[:, 1] / square, offset[:, 0] / square, turns
         design[:, 1, :2] = -offset / np.sqrt(square)[:, None]
         misclosure = _misclosure(points, observed, position, kappa)
         rows = (design / sigma[:, None])[used]
@@ -433,13 +300,6 @@ def _no_station(outcome: StationOutcome, count: int) -> FreeStation:
 # structure and motion problem for 1D retinal vision"), which only a fourth one, or a point behind a station,
 # tells apart.
 
-STEPS = 60
-"""Orientations over the half circle of either bundle that the search begins with."""
-KEPT = 12
-"""Minima of the search that are refined."""
-SAME = 1e-3
-"""Radians between orientations that are the same."""
-
 
 class PlanShape(NamedTuple):
     """Stations (3, 2) with the first at the origin, κ (3,) with r = t + κ and 0 for the first, points (n, 2)."""
@@ -457,18 +317,20 @@ def three_bundles(directions: FloatArray) -> list[PlanShape]:
     Only those with every point in front of every station. The farther of the other two stations is at the distance 1.
     """
     r = np.asarray(directions, dtype=float)
-    grid = (np.arange(STEPS) + 0.5) * np.pi / STEPS
+    grid = (np.arange(60) + 0.5) * np.pi / 60
     b, c = np.meshgrid(grid, grid, indexing="ij")
     values, vectors = rotations.eigh(_normals(r, b, c))
     least = values[..., 0]
     beside = [np.roll(least, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
     minima = np.argwhere(least <= np.min(beside, axis=0))
-    best = minima[np.argsort(least[tuple(minima.T)])][:KEPT]
+    # Minima of the search that are refined.
+    best = minima[np.argsort(least[tuple(minima.T)])][:12]
     shapes: list[PlanShape] = []
     for i, j in best:
         shape = _refined(r, np.array([0.0, b[i, j], c[i, j]]), vectors[i, j, :, 0])
+        # Radians between orientations that are the same.
         if shape is not None and not any(
-            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < SAME) for other in shapes
+            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < 1e-3) for other in shapes
         ):
             shapes.append(shape)
     return sorted(shapes, key=lambda shape: shape.misfit)
@@ -527,18 +389,8 @@ def _intersected(stations: FloatArray, t: FloatArray) -> FloatArray:
 # wanted one. Several beginnings, the first by classical scaling of the shortest paths (W. S. Torgerson,
 # Psychometrika 17 (1952)), tell whether the distances leave more than one shape; mirrored ones count as one.
 
-BEGINNINGS = 16
-AGREEING = 4
-"""Shapes within the precision of the distances after which no other is looked for."""
 PRECISE = 1.5
 """Root mean square of the residuals in units of σ up to which a shape is as good as the distances."""
-FITS = 0.01
-"""Root mean square of the residuals, in parts of the mean distance, up to which a shape fits."""
-SAME_DISTANCE = 0.05
-"""Root mean square difference of the distances between all points of two shapes, in the same measure."""
-FLEXIBLE = 1e-4
-"""Smallest singular value, in parts of the largest, of a shape that is stiff."""
-_EXTRA = 2
 
 
 @dataclass(frozen=True)
@@ -579,13 +431,15 @@ def _shapes(lengths: PointDistances, dimension: int) -> list[tuple[float, FloatA
     """Shapes that fit, with the root mean squares of their residuals in units of σ."""
     draw = np.random.default_rng(1)
     shapes: list[tuple[float, FloatArray]] = []
-    for number in range(BEGINNINGS):
-        random = draw.standard_normal((lengths.count, dimension + _EXTRA))
-        found = _pressed(lengths, random if number else _scaling(lengths, dimension + _EXTRA), dimension)
+    for number in range(16):
+        random = draw.standard_normal((lengths.count, dimension + 2))
+        found = _pressed(lengths, random if number else _scaling(lengths, dimension + 2), dimension)
         off = _residuals(lengths, found)
-        if np.sqrt(np.mean(off**2)) < FITS:
+        # Root mean square of the residuals, in parts of the mean distance, up to which a shape fits.
+        if np.sqrt(np.mean(off**2)) < 0.01:
             shapes.append((float(np.sqrt(np.mean((off / np.maximum(lengths.sigma, 1e-9)) ** 2))), found))
-        if sum(misfit < PRECISE for misfit, _ in shapes) == AGREEING or (number == BEGINNINGS // 3 and not shapes):
+        # Shapes within the precision of the distances after which no other is looked for.
+        if sum(misfit < PRECISE for misfit, _ in shapes) == 4 or (number == 5 and not shapes):
             break
     return shapes
 
@@ -652,13 +506,15 @@ def _derivatives(lengths: PointDistances, towards: FloatArray) -> FloatArray:
 def _different(one: FloatArray, other: FloatArray) -> bool:
     """True where the distances between all points differ: neither movements nor mirrors change them."""
     apart = [np.linalg.norm(shape[:, None] - shape[None], axis=2) for shape in (one, other)]
-    return bool(np.sqrt(np.mean((apart[0] - apart[1]) ** 2)) > SAME_DISTANCE)
+    # Root mean square difference of the distances between all points of two shapes, in the same measure.
+    return bool(np.sqrt(np.mean((apart[0] - apart[1]) ** 2)) > 0.05)
 
 
 def _stiff(lengths: PointDistances, points: FloatArray, unknowns: int) -> bool:
     A = _derivatives(lengths, points[lengths.end] - points[lengths.start])
     values = rotations.singular_values(A)
-    return bool(values[unknowns - 1] > FLEXIBLE * values[0])
+    # Smallest singular value, in parts of the largest, of a shape that is stiff.
+    return bool(values[unknowns - 1] > 1e-4 * values[0])
 
 
 def core_of(lengths: PointDistances, links: int, most: int) -> IntArray:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from itertools import combinations
-from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +10,7 @@ from scipy.special import chdtri
 
 from mor.model import rotations
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
-from mor.start.bundle import Bundle, cross
+from mor.start.bundle import AS_GOOD, BY_ITSELF, Bundle, cross, samples
 from mor.start.killian import COLLINEAR, BundleRotation, fit_homography, fit_turn, solutions_of_homography, thickness
 from mor.start.relative_orientation import (
     Coplanarity,
@@ -35,26 +33,14 @@ from mor.start.relative_orientation import (
     nearest_rotation,
     sigma_hold,
 )
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray
 
 # ---- Judgement of adjusted relative orientations: front, fit, precision, ambiguity.
 
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
-BY_ITSELF = 2.9e-7
-"""Probability that a right orientation fits worse than is allowed by itself (5 σ)."""
-APART = 4.0
-"""Standard deviations beyond which two orientations are different ones."""
-MINIMA_APART = 1.0
-"""The same where the adjustment came to rest in both: two minima are two, and the covariance of one knows of one."""
-WRONG = 6.0
-"""σ0 beyond which rays and orientation do not belong together."""
 BEHIND = 0.9
 """Part of the points that must lie in front of both bundles; the rest may be wrong pairs or far points."""
 SURE = 5.0
 """Standard deviations of its parallactic angle beyond which a point behind is behind, whatever the errors."""
-ACCIDENT = 12
-"""Fewer points than that lie, to their precision, on one quadric with both centres now and then by accident."""
 
 
 class PairAssessment(NamedTuple):
@@ -131,7 +117,8 @@ def result(a: Bundle, b: Bundle, judged: PairAssessment) -> RelativeOrientation:
 def _geometry(found: SceneGeometry, outcome: RelativeOutcome, points: int) -> SceneGeometry:
     """A critical surface is one where it does harm, or where the points are too many for an accident."""
     harm = outcome in (RelativeOutcome.WEAK, RelativeOutcome.AMBIGUOUS)
-    if found is SceneGeometry.CRITICAL_SURFACE and not harm and points < ACCIDENT:
+    # Fewer points than that lie, to their precision, on one quadric with both centres now and then by accident.
+    if found is SceneGeometry.CRITICAL_SURFACE and not harm and points < 12:
         return SceneGeometry.GENERAL
     return found
 
@@ -163,14 +150,15 @@ def _choice(a: Bundle, b: Bundle, judged: PairAssessment) -> tuple[Coplanarity, 
     chosen = fitting[min(range(len(fitting)), key=lambda k: (behind[k], in_all[k]))]
     as_good = limit if judged.geometry is SceneGeometry.PLANE else chosen.objective + excess
     sigma = float(np.sqrt(np.max(rotations.eigvalsh(orientation_covariance(chosen)))))
+    # Standard deviations: where the adjustment came to rest in both, two minima are two, whatever one covariance says.
     rivals = [
         one
         for one, hidden in zip(fitting, behind, strict=True)
         if hidden <= min(behind)
         and one.objective <= as_good
-        and _distance(one, chosen) > ((MINIMA_APART if one.converged and chosen.converged else APART) * sigma + 1e-6)
+        and _distance(one, chosen) > ((1.0 if one.converged and chosen.converged else 4.0) * sigma + 1e-6)
     ]
-    return chosen, _one_each(rivals, APART * sigma)
+    return chosen, _one_each(rivals, 4.0 * sigma)
 
 
 def _one_each(rivals: list[Coplanarity], tolerance: float) -> list[Coplanarity]:
@@ -269,7 +257,8 @@ def _parallaxes(a: Bundle, b: Bundle, one: Coplanarity) -> tuple[BoolArray, Floa
 def _outcome(
     a: Bundle, b: Bundle, chosen: Coplanarity, rivals: list[Coplanarity], covariance: FloatArray
 ) -> RelativeOutcome:
-    if np.sqrt(_variance(chosen, len(a))) > WRONG:
+    # σ0 beyond which rays and orientation do not belong together.
+    if np.sqrt(_variance(chosen, len(a))) > 6.0:
         return RelativeOutcome.DOES_NOT_FIT
     if np.sum(_parallaxes_behind(a, b, chosen) <= SURE) < BEHIND * len(a):
         mirrored = max(
@@ -289,19 +278,7 @@ def _outcome(
 # the points lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
 
 MINIMUM = 8
-FEW = 15
-"""Up to so many points the five-point seeds are tried as well, whatever the linear system gives."""
-SAMPLES = 30
-"""Five-point samples for seeds."""
-SEEDS = 6
-"""Best five-point seeds that are adjusted."""
-FIRST_STEPS = 8
-FAR_BEHIND = 20.0
-"""A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times."""
-SMALL = 15.0
-"""Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base."""
-LOST = 2.9e-7
-"""Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
+"""Homologous rays from which the linear system (5) has one solution."""
 
 
 class StartOrientation(NamedTuple):
@@ -314,16 +291,16 @@ class StartOrientation(NamedTuple):
 def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
     """Orientation of bundle ``b`` in ``a`` from n ≥ 8 homologous rays, without approximate values.
 
-    All rays are believed (see ``robust.robust_relative_orientation`` otherwise).
+    All rays are believed (see ``robust_relative_orientation`` otherwise).
     Degenerate data do not raise: the outcome names them. Source: Rinner 1956, see
     :mod:`mor.start.relative_orientation`.
     """
     refusal = _refusal(a, b)
     if refusal is not None:
         return failed(refusal, len(a))
-    turned = turn_without_base(a, b)
-    if turned.misfit < 1.0:
-        identical = float(np.max(np.abs(turned.rotation - np.eye(3)))) < COLLINEAR * np.hypot(a.noise, b.noise)
+    rotation, misfit, parallax = turn_without_base(a, b)
+    if misfit < 1.0:
+        identical = float(np.max(np.abs(rotation - np.eye(3)))) < COLLINEAR * np.hypot(a.noise, b.noise)
         outcome = RelativeOutcome.IDENTICAL if identical else RelativeOutcome.NO_BASE
         return failed(outcome, len(a), fit_turn(a, b))
     linear = linear_system(a, b)
@@ -333,10 +310,12 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
         # The plane is a strong constraint that the adjustment lets go of: what it says itself stays in the
         # race.
         adjusted += [adjust_coplanarity(a, b, *seed, iterations=1) for seed in seeds]
-    elif len(a) <= FEW or _doubtful(a, b, adjusted, geometry):
+    # Up to so many points the five-point seeds are tried as well, whatever the linear system gives.
+    elif len(a) <= 15 or _doubtful(a, b, adjusted, geometry):
         adjusted = distinct(adjusted + adjust_seeds(a, b, five_point_seeds(a, b)))
-    if turned.parallax < SMALL:
-        minima = minima_over_directions(a, b, turned.rotation)
+    # Parallaxes of fewer σ than that: the least of all minima is looked for over all directions of the base.
+    if parallax < 15.0:
+        minima = minima_over_directions(a, b, rotation)
         everywhere = [best_of_four(a, b, auxiliary_unknowns(*one)) for one in minima]
         adjusted = distinct(adjusted + adjust_seeds(a, b, everywhere))
     of_plane = [(seed.base, seed.rotation) for seed in seeds] if geometry is SceneGeometry.PLANE else []
@@ -362,25 +341,18 @@ def _unit_axes(bundle: Bundle) -> FloatArray:
     return np.asarray(bundle.whitened_axes / np.linalg.norm(bundle.rays, axis=1)[:, None, None])
 
 
-class Turned(NamedTuple):
-    """The attitude that fits best when there is no base."""
+def turn_without_base(a: Bundle, b: Bundle) -> tuple[FloatArray, float, float]:
+    """Rotation D* (3, 3) that turns the directions of ``a`` into those of ``b``, and whether it explains them.
 
-    rotation: FloatArray
-    misfit: float
-    """Σ (v/σ)² over its limit: below 1 nothing speaks for a base."""
-    parallax: float
-    """Root mean square of what the turn leaves, in σ."""
-
-
-def turn_without_base(a: Bundle, b: Bundle) -> Turned:
-    """Rotation D* that turns the directions of ``a`` into those of ``b``, and whether it explains them."""
+    Σ (v/σ)² over its limit: below 1 nothing speaks for a base; and the root mean square of what the turn leaves, in σ.
+    """
     rotation = nearest_rotation(b.directions.T @ a.directions)
     offset = b.directions - a.directions @ rotation.T
     sigma = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
     normalised = float(np.sum(np.sum(offset**2, axis=1) / sigma**2))
     redundancy = 2 * len(a) - 3
     limit = redundancy + 5.0 * np.sqrt(2.0 * redundancy)
-    return Turned(rotation, normalised / limit, float(np.sqrt(normalised / redundancy)))
+    return rotation, normalised / limit, float(np.sqrt(normalised / redundancy))
 
 
 def _refusal(a: Bundle, b: Bundle) -> RelativeOutcome | None:
@@ -406,7 +378,7 @@ def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry,
             for plane in planes
             if np.linalg.norm(plane.base) > 0.0
         ]
-    critical = float(np.sum(linear.singular_values[7:] ** 2)) < chdtri(2 * (len(a) - 7), LOST)
+    critical = float(np.sum(linear.singular_values[7:] ** 2)) < chdtri(2 * (len(a) - 7), BY_ITSELF)
     geometry = SceneGeometry.CRITICAL_SURFACE if critical else SceneGeometry.GENERAL
     corrected = compatible_unknowns(linear.ik, linear.normal).ik
     return geometry, [best_of_four(a, b, ik) for ik in (corrected, linear.ik)]
@@ -428,10 +400,10 @@ def facing(a: Bundle, b: Bundle, ik: FloatArray) -> tuple[StartOrientation, Bool
 
 def five_point_seeds(a: Bundle, b: Bundle) -> list[StartOrientation]:
     """Return the best orientations among those of fixed pseudo-random five-point samples."""
-    generator = np.random.default_rng(len(a))
-    chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(SAMPLES)])
+    chosen = next(samples(len(a), 5, 30, 30, np.random.default_rng(len(a))))
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
-    return [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, SEEDS)]
+    # Best five-point seeds that are adjusted.
+    return [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, 6)]
 
 
 def apart(a: Bundle, b: Bundle, unknowns: FloatArray, most: int) -> list[FloatArray]:
@@ -444,13 +416,14 @@ def apart(a: Bundle, b: Bundle, unknowns: FloatArray, most: int) -> list[FloatAr
     for index in order:
         if len(kept) == most:
             break
-        if all(_apart(unknowns[index], other) for other in kept):
+        if all(_apart(unknowns[index], other, 0.02) for other in kept):
             kept.append(unknowns[index])
     return kept
 
 
-def _apart(first: FloatArray, second: FloatArray) -> bool:
-    return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > 0.02
+def _apart(first: FloatArray, second: FloatArray, tolerance: float) -> bool:
+    """True where two sets of auxiliary unknowns, whose signs are free, differ."""
+    return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > tolerance
 
 
 def adjust_seeds(a: Bundle, b: Bundle, seeds: list[StartOrientation]) -> list[Coplanarity]:
@@ -458,8 +431,9 @@ def adjust_seeds(a: Bundle, b: Bundle, seeds: list[StartOrientation]) -> list[Co
 
     Seeds that are far behind the best after a few steps are given up.
     """
-    begun = [adjust_coplanarity(a, b, *seed, iterations=FIRST_STEPS) for seed in seeds]
-    promising = FAR_BEHIND * (min((one.objective for one in begun), default=0.0) + len(a))
+    begun = [adjust_coplanarity(a, b, *seed, iterations=8) for seed in seeds]
+    # A seed is given up if after its first steps Σ (v/σ)² exceeds that of the best, plus n, so many times.
+    promising = 20.0 * (min((one.objective for one in begun), default=0.0) + len(a))
     finished = [
         one if one.converged else adjust_coplanarity(a, b, one.base, one.rotation)
         for one in distinct(begun)
@@ -481,13 +455,9 @@ def distinct(adjusted: list[Coplanarity]) -> list[Coplanarity]:
     kept: list[Coplanarity] = []
     for one in sorted(adjusted, key=lambda orientation: orientation.objective):
         ik = auxiliary_unknowns(one.base, one.rotation)
-        if all(_differs(ik, auxiliary_unknowns(other.base, other.rotation)) for other in kept):
+        if all(_apart(ik, auxiliary_unknowns(other.base, other.rotation), 1e-4) for other in kept):
             kept.append(one)
     return kept
-
-
-def _differs(first: FloatArray, second: FloatArray) -> bool:
-    return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > 1e-4
 
 
 def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: SceneGeometry) -> bool:
@@ -505,23 +475,10 @@ def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: Scene
 # 2000). The best set of agreeing pairs is adjusted and drawn again until it stands. The seed is fixed: same
 # input, same result.
 
-BATCH = 25
-LOOKED_AT = 12
-"""Best unknowns of a batch whose depths are looked at."""
-MOST_BATCHES = 40
-CERTAINTY = 1e-4
-"""Probability left that no sample was free of wrong pairs."""
 TRUNCATION = 5.0
 """Residual v/σ at which a pair stops counting while samples are compared."""
 AGREES = 4.0
 """Residual v/σ up to which a pair agrees with an adjusted orientation."""
-FEW_POINTS, FEW_PART = 2, 0.05
-"""So many pairs, or such a part of them, off a plane do not decide between its orientations."""
-DIFFERENT = 0.01
-"""Distance of two rotations beyond which they are different ones."""
-ROUNDS = 10
-HALF = 0.5
-"""Part of the pairs that must agree for an orientation to be believed."""
 
 
 class RobustOrientation(NamedTuple):
@@ -537,10 +494,10 @@ class RobustOrientation(NamedTuple):
     """Number of samples drawn; 0 if all pairs agreed at once."""
 
 
-def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> RobustOrientation:
+def robust_relative_orientation(a: Bundle, b: Bundle) -> RobustOrientation:
     """Orientation of ``b`` in ``a`` from n ≥ 8 homologous rays, some of which may be wrong pairs.
 
-    If all agree this is ``two_bundles.relative_orientation`` itself. Wrong pairs that lie on
+    If all agree this is ``relative_orientation`` itself. Wrong pairs that lie on
     the right plane through the base cannot be seen, except by their depth. Outcomes are data, as there.
     """
     everything = relative_orientation(a, b)
@@ -553,14 +510,15 @@ def robust_relative_orientation(a: Bundle, b: Bundle, seed: int = 1956) -> Robus
     agree = small and bool(np.all(everything.front))
     if believable and (agree or not everything.outcome.usable):
         return RobustOrientation(everything, np.ones(len(a), dtype=bool), everything.residuals, 0)
-    ik, samples = _sampled(a, b, np.random.default_rng(seed))
+    ik, samples = _sampled(a, b, np.random.default_rng(1956))
     if ik is None:
         return _nothing(everything, len(a), samples)
     found = _settled(a, b, ik)
-    if found is None or np.sum(found) < max(MINIMUM, HALF * len(a)):
+    # Part of the pairs that must agree for an orientation to be believed.
+    if found is None or np.sum(found) < max(MINIMUM, 0.5 * len(a)):
         return _nothing(everything, len(a), samples)
     orientation = relative_orientation(a.take(found), b.take(found))
-    for _ in range(ROUNDS):
+    for _ in range(10):
         if not orientation.outcome.usable:
             return RobustOrientation(orientation, found, np.full(len(a), np.nan), samples)
         now = _agreeing(a, b, orientation.base, orientation.rotation)
@@ -583,21 +541,22 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
 
     A wrong pair that happens to fit one of them would decide between them otherwise.
     """
-    plane = _plane_part(a, b)
-    few = max(FEW_POINTS, FEW_PART * len(a))
+    few = max(2, 0.05 * len(a))
+    plane = _plane_part(a, b, int(few))
     if orientation.outcome is not RelativeOutcome.DETERMINED or not 0 < np.sum(~plane) <= few:
         return orientation
     of_plane = relative_orientation(a.take(plane), b.take(plane))
     if of_plane.outcome is not RelativeOutcome.AMBIGUOUS:
         return orientation
     every = [candidate(a, b, of_plane.base, of_plane.rotation), *of_plane.alternatives]
-    others = tuple(one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > DIFFERENT)
+    # Distance of two rotations beyond which they are different ones.
+    others = tuple(one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > 0.01)
     return orientation._replace(outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others)
 
 
-def _plane_part(a: Bundle, b: Bundle) -> BoolArray:
+def _plane_part(a: Bundle, b: Bundle, few: int) -> BoolArray:
     kept = np.ones(len(a), dtype=bool)
-    for _ in range(int(max(FEW_POINTS, FEW_PART * len(a))) + 1):
+    for _ in range(few + 1):
         homography = fit_homography(a.take(kept), b.take(kept))
         if np.all(homography.residuals < AGREES):
             return kept
@@ -620,13 +579,14 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
     """Best unknowns over samples, drawn until one free of wrong pairs is all but certain."""
     best, best_cost = None, np.inf
     drawn = 0
-    for chosen in _samples(len(a), generator):
+    for chosen in samples(len(a), 5, 1000, 25, generator):
         drawn += len(chosen)
         unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
         if len(unknowns):
             residuals = first_order_residuals(a, b, unknowns)
             costs = np.sum(np.minimum(residuals, TRUNCATION) ** 2, axis=1)
-            for index in np.argsort(costs)[:LOOKED_AT]:
+            # Best unknowns of a batch whose depths are looked at.
+            for index in np.argsort(costs)[:12]:
                 if costs[index] >= best_cost:
                     break
                 counted = _counted(a, b, unknowns[index], residuals[index])
@@ -634,22 +594,10 @@ def _sampled(a: Bundle, b: Bundle, generator: np.random.Generator) -> tuple[Floa
                 if cost < best_cost:
                     best, best_cost = unknowns[index], cost
                     agreeing = float(np.mean(counted < TRUNCATION))
-        # A sample free of wrong pairs may still be too noisy to tell: three of them are asked for.
-        if best is not None and drawn / 3.0 >= _samples_needed(agreeing):
+        # A sample free of wrong pairs may still be too noisy: three are asked for, but for a probability of 1e-4.
+        if best is not None and drawn / 3.0 >= np.log(1e-4) / np.log(1.0 - min(max(agreeing, 1e-3), 1.0 - 1e-6) ** 5):
             break
     return best, drawn
-
-
-def _samples(rays: int, generator: np.random.Generator) -> Iterator[IntArray]:
-    """Batches (k, 5) of five different rays each; where there are few such fives, each of them once."""
-    most = MOST_BATCHES * BATCH
-    if comb(rays, 5) > most:
-        for _ in range(MOST_BATCHES):
-            yield np.stack([generator.permutation(rays)[:5] for _ in range(BATCH)])
-        return
-    every = generator.permutation(np.array(list(combinations(range(rays), 5)), dtype=np.int64))
-    for first in range(0, len(every), BATCH):
-        yield every[first : first + BATCH]
 
 
 def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> FloatArray:
@@ -658,16 +606,11 @@ def _counted(a: Bundle, b: Bundle, ik: FloatArray, residuals: FloatArray) -> Flo
     return np.asarray(np.where(front, np.minimum(residuals, TRUNCATION), TRUNCATION))
 
 
-def _samples_needed(agreeing: float) -> float:
-    clean = min(max(agreeing, 1e-3), 1.0 - 1e-6) ** 5
-    return float(np.log(CERTAINTY) / np.log(1.0 - clean))
-
-
 def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
     """Pairs that agree with the orientation adjusted to themselves, starting from the unknowns of a sample."""
     agreeing: BoolArray = first_order_residuals(a, b, ik[None])[0] < 2.0 * TRUNCATION
     base, rotation = best_of_four(a.take(agreeing), b.take(agreeing), ik)
-    for _ in range(ROUNDS):
+    for _ in range(10):
         if np.sum(agreeing) < MINIMUM:
             return None
         chosen_a, chosen_b = a.take(agreeing), b.take(agreeing)
@@ -688,12 +631,7 @@ def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
 # ``relative_orientation`` cannot tell apart.
 
 FEWEST = 5
-SAMPLES_OF_FIT = 21
-"""Samples of five: all of seven points."""
-MOST = 12
-"""Solutions of samples that are adjusted, the best that differ."""
-BY_ITSELF_OF_FIT = 1e-4
-"""Probability that a right orientation fits worse."""
+"""Homologous rays from which an orientation is one of a finite number."""
 
 
 def fitting_orientations(a: Bundle, b: Bundle) -> list[StartOrientation]:
@@ -709,9 +647,12 @@ def fitting_orientations(a: Bundle, b: Bundle) -> list[StartOrientation]:
             return []
         candidates = [StartOrientation(found.base, found.rotation)]
         return candidates + [StartOrientation(one.base, one.rotation) for one in found.alternatives]
-    chosen = np.array(list(combinations(range(len(a)), FEWEST))[:SAMPLES_OF_FIT])
+    # Samples of five: all of seven points.
+    chosen = np.array(list(combinations(range(len(a)), FEWEST))[:21])
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
-    adjusted = adjust_seeds(a, b, [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, MOST)])
-    limit = float(chdtri(max(len(a) - FEWEST, 0.1), BY_ITSELF_OF_FIT))
+    # Solutions of samples that are adjusted, the best that differ.
+    adjusted = adjust_seeds(a, b, [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, 12)])
+    # Probability that a right orientation fits worse.
+    limit = float(chdtri(max(len(a) - FEWEST, 0.1), 1e-4))
     fitting = [StartOrientation(one.base, one.rotation) for one in adjusted if one.objective <= limit]
     return [seed for seed in fitting if bool(np.all(in_front(a, b, *seed)))]

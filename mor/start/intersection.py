@@ -20,8 +20,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 PARALLEL = 3.0
 """Rays are parallel if the distance along them is not known to a part of one in so many."""
-WRONG = 5.0
-"""σ0 beyond which the rays do not meet."""
 
 
 class IntersectionOutcome(Enum):
@@ -57,7 +55,7 @@ class Intersection(NamedTuple):
     """Largest angle between two of the rays, in radians, at most π/2."""
 
 
-def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray, iterations: int = 10) -> Intersection:
+def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray) -> Intersection:
     """Intersect n ≥ 2 rays: ray i of ``bundle`` stands in the frame ``positions[i]`` (3,), ``rotations[i]``
     (3, 3).
 
@@ -71,7 +69,7 @@ def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray, iter
     if angle < PARALLEL * bundle.noise:
         return _failed(IntersectionOutcome.PARALLEL, len(bundle), angle)
     point = nearest_point(positions, rays)
-    for _ in range(iterations):
+    for _ in range(10):
         star = np.einsum("nij,nj->ni", rotations, point - positions)
         computed = reproject(bundle, star)
         design = (computed.by_star @ rotations).reshape(-1, 3)
@@ -117,7 +115,8 @@ def _judged(
     if not np.all(np.isfinite(point)) or values[0] * distance**2 < PARALLEL**2:
         return _failed(IntersectionOutcome.PARALLEL, len(bundle), angle)
     outcome = IntersectionOutcome.DETERMINED
-    if sigma0 > WRONG:
+    # σ0 beyond which the rays do not meet.
+    if sigma0 > 5.0:
         outcome = IntersectionOutcome.DOES_NOT_MEET
     elif not np.all(front):
         outcome = IntersectionOutcome.BEHIND
@@ -130,7 +129,7 @@ def _failed(outcome: IntersectionOutcome, rays: int, angle: float = 0.0) -> Inte
     return Intersection(outcome, np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, nothing, front, angle)
 
 
-# ---- Where rays meet, point after point: the same steps as ``meet_plainly`` of ``forward_intersection``.
+# ---- Where rays meet, point after point: the same steps as ``meet_plainly``.
 
 PAIRED = 16
 """Rays of a point that are put together in pairs."""
@@ -338,8 +337,6 @@ def _positive(a: float, b: float, c: float, d: float, e: float, f: float) -> boo
 
 SMALLEST_ANGLE = 0.02
 """Radians at which two rays must meet at least for an intersection to be of use."""
-ROUNDS = 3
-"""Rounds in which rays that pass by are taken out, or back in."""
 
 
 class PosedFrames(NamedTuple):
@@ -374,14 +371,14 @@ def meet(
     posed: PosedFrames,
     slack: float,
     smallest: float = SMALLEST_ANGLE,
-    rounds: int = ROUNDS,
+    rounds: int = 3,
 ) -> Meetings:
     """Intersect ``points`` (m,) by all rays from posed frames.
 
     Rays count as passing by beyond three times their σ, ``slack`` radians added; ``smallest`` is the least angle at
     which rays must meet. Closed form: the point of least sum of squared distances from the rays, each of them lowered
-    by the height of its target. A wrong ray may draw it away from all of them: where less than half agree, those do
-    that most pairs are for.
+    by the height of its target; in ``rounds`` rays that pass by are taken out, or back in. A wrong ray may draw it away
+    from all of them: where less than half agree, those do that most pairs are for.
     """
     if not compilation.wanted():
         return meet_plainly(points, seen, posed, slack, smallest, rounds)
@@ -395,7 +392,7 @@ def meet_plainly(
     posed: PosedFrames,
     slack: float,
     smallest: float = SMALLEST_ANGLE,
-    rounds: int = ROUNDS,
+    rounds: int = 3,
 ) -> Meetings:
     """The same without a compiler: the readable form."""
     rays = seen.of_points(points)
@@ -406,11 +403,16 @@ def meet_plainly(
     centre, direction = posed.centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], posed.turns[frame])
     centre[:, 2] -= seen.height[rays]
     lines = _Lines(point, centre, direction, 3.0 * loosened(seen.sigma[rays], slack))
-    found = _forward_intersection_in_rounds(lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds)
-    if rounds > 1:
-        begin = _likelier_pairs(lines, found, len(points), smallest)
-        found = _forward_intersection_in_rounds(lines, begin, len(points), smallest, rounds)
-    X, good, use = found
+    everything = np.ones(len(rays), dtype=bool)
+    X, good, use = _forward_intersection_in_rounds(lines, everything, len(points), smallest, rounds)
+    doubtful = 2 * np.bincount(point[use], minlength=len(points)) < np.bincount(point, minlength=len(points))
+    begin = everything.copy()
+    for number in np.flatnonzero(doubtful).tolist() if rounds > 1 else ():
+        rows = np.flatnonzero(point == number)
+        own = _Lines._make(array[rows] for array in lines)
+        begin[rows] = _likelier_pair(own, int(np.count_nonzero(use[rows])), smallest)
+    if not begin.all():
+        X, good, use = _forward_intersection_in_rounds(lines, begin, len(points), smallest, rounds)
     return Meetings(X, good & (np.bincount(point[use], minlength=len(points)) >= 2))
 
 
@@ -447,28 +449,26 @@ def _forward_intersection_in_rounds(
     return X, good, use
 
 
-def _likelier_pairs(
-    lines: _Lines, found: tuple[FloatArray, BoolArray, BoolArray], count: int, smallest: float
-) -> BoolArray:
-    """Return the rays (n,) to begin with again: all, or the two whose intersection most rays agree with."""
-    use = np.ones(len(lines.point), dtype=bool)
-    for point in range(count):
-        rows = np.flatnonzero(lines.point == point)
-        agreeing = int(np.count_nonzero(found[2][rows]))
-        if len(rows) < 3 or 2 * agreeing >= len(rows):
-            continue
-        pairs = np.array(list(combinations(range(min(len(rows), PAIRED)), 2)))
-        own = _Lines._make(array[rows] for array in lines)
-        meeting, centre, direction = (np.repeat(np.arange(len(pairs)), 2), own.centre[pairs], own.direction[pairs])
-        X, good = _forward_intersection_nearest(
-            meeting, centre.reshape(-1, 3), direction.reshape(-1, 3), len(pairs), smallest
-        )
-        votes = np.where(good, np.count_nonzero(own.agree(X[:, None]), axis=1), 0)
-        most = int(votes.max())
-        if most > max(agreeing, 1) and (most > 2 or np.count_nonzero(votes == most) == 1):
-            use[rows] = False
-            use[rows[pairs[np.argmax(votes)]]] = True
-    return use
+def _likelier_pair(lines: _Lines, agreeing: int, smallest: float) -> BoolArray:
+    """The two rays (n,) to one point on whose meeting more rays agree than on that of all; all without such two.
+
+    Two with which no third one agrees must be the only ones that meet.
+    """
+    count = len(lines.point)
+    everything = np.ones(count, dtype=bool)
+    if count < 3:
+        return everything
+    pairs = np.array(list(combinations(range(min(count, PAIRED)), 2)))
+    meeting, centre, direction = np.repeat(np.arange(len(pairs)), 2), lines.centre[pairs], lines.direction[pairs]
+    X, good = _forward_intersection_nearest(
+        meeting, centre.reshape(-1, 3), direction.reshape(-1, 3), len(pairs), smallest
+    )
+    votes = np.where(good, np.count_nonzero(lines.agree(X[:, None]), axis=1), 0)
+    most = int(votes.max())
+    if most <= max(agreeing, 1) or (most == 2 and np.count_nonzero(votes == most) > 1):
+        return everything
+    begin: BoolArray = np.isin(np.arange(count), pairs[np.argmax(votes)])
+    return begin
 
 
 def _forward_intersection_nearest(
@@ -498,169 +498,3 @@ def _forward_intersection_nearest(
     behind = np.bincount(point, weights=~(depth > 0.0), minlength=count)
     good &= behind < 0.5 * rays
     return X, good
-
-
-# ---- One pose by least squares: the same steps as :func:`mor.start.resection.adjust_pose_plainly`.
-
-
-@compile_kernel
-def adjust_pose(
-    rays: FloatArray,
-    normals: FloatArray,
-    axes: FloatArray,
-    sigma: FloatArray,
-    points: FloatArray,
-    position: FloatArray,
-    rotation: FloatArray,
-    place: FloatArray,
-    weight: FloatArray,
-    iterations: int,
-) -> tuple[FloatArray, FloatArray]:
-    """Position (3,) and rotation (3, 3) of a bundle; ``weight`` (3,) is 1/σ of the observed position ``place``."""
-    damping = 0.0
-    normal, side = np.zeros((6, 6)), np.zeros(6)
-    moved_normal, moved_side = np.zeros((6, 6)), np.zeros(6)
-    before = _system(rays, normals, axes, sigma, points, position, rotation, place, weight, normal, side)
-    for _ in range(iterations):
-        step = _solution(normal, side, damping)
-        new_position = position - step[:3]
-        new_rotation = _rotated(rotation, step[3:])
-        after = _system(
-            rays, normals, axes, sigma, points, new_position, new_rotation, place, weight, moved_normal, moved_side
-        )
-        range_ = np.max(np.abs(points - position))
-        small = max(np.max(np.abs(step[:3])) / range_, np.max(np.abs(step[3:]))) < 1e-10
-        if after <= before:
-            position, rotation = new_position, new_rotation
-            normal[:], side[:] = moved_normal, moved_side
-            damping = damping / 10.0 if damping > 1e-10 else 0.0
-        else:
-            damping = max(10.0 * damping, 1e-6)
-        if small or damping > 1e8 or (before - after >= 0.0 and before - after <= 1e-13 * before):
-            break
-        before = min(before, after)
-    return position, rotation
-
-
-@compile_kernel
-def _system(
-    rays: FloatArray,
-    normals: FloatArray,
-    axes: FloatArray,
-    sigma: FloatArray,
-    points: FloatArray,
-    position: FloatArray,
-    rotation: FloatArray,
-    place: FloatArray,
-    weight: FloatArray,
-    normal: FloatArray,
-    side: FloatArray,
-) -> float:
-    normal[:] = 0.0
-    side[:] = 0.0
-    row, star = np.zeros(6), np.zeros(3)
-    total = 0.0
-    for i in range(3):
-        off = (position[i] - place[i]) * weight[i]
-        total += off * off
-        normal[i, i] += weight[i] * weight[i]
-        side[i] += weight[i] * off
-    for n in range(len(rays)):
-        for i in range(3):
-            star[i] = 0.0
-            for j in range(3):
-                star[i] += rotation[i, j] * (points[n, j] - position[j])
-        depth = normals[n, 0] * star[0] + normals[n, 1] * star[1] + normals[n, 2] * star[2]
-        if abs(depth) < 1e-12:
-            depth = 1e-12
-        reach = normals[n, 0] * rays[n, 0] + normals[n, 1] * rays[n, 1] + normals[n, 2] * rays[n, 2]
-        factor = reach / depth
-        for k in range(2):
-            along, residual = 0.0, 0.0
-            for i in range(3):
-                along += axes[n, i, k] * star[i]
-                residual += axes[n, i, k] * (star[i] * factor - rays[n, i])
-            residual /= sigma[n]
-            total += residual * residual
-            along *= factor / depth
-            x = (factor * axes[n, 0, k] - along * normals[n, 0]) / sigma[n]
-            y = (factor * axes[n, 1, k] - along * normals[n, 1]) / sigma[n]
-            z = (factor * axes[n, 2, k] - along * normals[n, 2]) / sigma[n]
-            for j in range(3):
-                row[j] = -(x * rotation[0, j] + y * rotation[1, j] + z * rotation[2, j])
-            row[3] = y * star[2] - z * star[1]
-            row[4] = z * star[0] - x * star[2]
-            row[5] = x * star[1] - y * star[0]
-            for i in range(6):
-                side[i] += row[i] * residual
-                for j in range(i + 1):
-                    normal[i, j] += row[i] * row[j]
-    for i in range(6):
-        for j in range(i):
-            normal[j, i] = normal[i, j]
-    return total
-
-
-@compile_kernel
-def _solution(normal: FloatArray, side: FloatArray, damping: float) -> FloatArray:
-    """Solution (6,) of the scaled, damped equations: Cholesky, or least squares where they are singular."""
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    scaled = np.empty((6, 6))
-    for i in range(6):
-        for j in range(6):
-            scaled[i, j] = normal[i, j] / (scale[i] * scale[j])
-        scaled[i, i] += damping
-    factor = np.zeros((6, 6))
-    x = side / scale
-    for j in range(6):
-        pivot = scaled[j, j]
-        for k in range(j):
-            pivot -= factor[j, k] ** 2
-        if not pivot > 1e-12:
-            if not (np.isfinite(scaled).all() and np.isfinite(x).all()):
-                return np.full(6, np.nan)
-            solution: FloatArray = np.linalg.lstsq(scaled, x, 1e-15)[0] / scale
-            return solution
-        factor[j, j] = np.sqrt(pivot)
-        for i in range(j + 1, 6):
-            product = scaled[i, j]
-            for k in range(j):
-                product -= factor[i, k] * factor[j, k]
-            factor[i, j] = product / factor[j, j]
-    y = x.copy()
-    for i in range(6):
-        for k in range(i):
-            y[i] -= factor[i, k] * y[k]
-        y[i] /= factor[i, i]
-    for i in range(5, -1, -1):
-        for k in range(i + 1, 6):
-            y[i] -= factor[k, i] * y[k]
-        y[i] /= factor[i, i]
-    return y / scale
-
-
-@compile_kernel
-def _rotated(rotation: FloatArray, step: FloatArray) -> FloatArray:
-    """Exp([s]×) D, orthonormalised by one Newton step of the polar decomposition; D ← exp(−[δ]×) D with δ = −s."""
-    angle = np.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-    sine = np.sin(angle) / angle if angle > 1e-8 else 1.0
-    cosine = 2.0 * (np.sin(0.5 * angle) / angle) ** 2 if angle > 1e-8 else 0.5
-    cross = np.zeros((3, 3))
-    cross[0, 1], cross[0, 2], cross[1, 2] = -step[2], step[1], -step[0]
-    cross[1, 0], cross[2, 0], cross[2, 1] = step[2], -step[1], step[0]
-    turn = np.eye(3) + sine * cross + cosine * _product(cross, cross)
-    updated = _product(turn, rotation)
-    excess = _product(updated, updated.T) - np.eye(3)
-    result: FloatArray = updated - 0.5 * _product(excess, updated)
-    return result
-
-
-@compile_kernel
-def _product(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Product of two (3, 3) matrices, without a call of BLAS."""
-    product = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                product[i, j] += first[i, k] * second[k, j]
-    return product

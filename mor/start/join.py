@@ -11,17 +11,16 @@ from mor.errors import CONTRADICTED, UndeterminedObject
 from mor.model import rotations
 from mor.model.contract import ObservationType
 from mor.model.coordinates import target_slot
-from mor.model.parameters import Blocks
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
 from mor.model.shapes import SHAPE_TYPES
 from mor.model.terrestrial import HEIGHT_DIFFERENCE
 from mor.project.entities import thing_of
 from mor.project.network import Network
 from mor.project.shapes import Held, fit_shape
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, similarity
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, evenly, movement_by, similarity
 from mor.start.intersection import posed_frames
 from mor.start.movement import OPEN, PRECISION, FreeRotation, Movement, Ties, movement
-from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose
+from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose, misses
 from mor.start.scene import Scene, StereoPair, forget_marks, make_upright
 from mor.start.sights import Terrestrial, frame_verticals
 from mor.types import BoolArray, FloatArray, IntArray
@@ -37,17 +36,12 @@ from mor.units import ANGLE_UNITS
 # turn about more than one axis; a base that is short beside the network leaves T to the positions as well.
 # Both are tried.
 
-FEWEST = 3
-"""Followers whose leaders are known."""
-LONGEST = 3.0
-"""Base, in parts of the extent of the leaders, beyond which it is none of a platform."""
-
 
 def tie_by_platform(target: Part, source: Part, scene: Scene) -> Movement | None:
     """The movement that a pair tells whose followers only the source knows, and whose leaders are given."""
     for pair in scene.pairs if target.given else ():
         followers = [n for n in pair.known if n in source.poses and n not in target.poses]
-        if len(followers) < FEWEST:
+        if len(followers) < 3:
             continue
         found = _tie(pair, followers, source)
         if found is not None:
@@ -100,7 +94,8 @@ def _with_turn(
     unknowns = rotations.lstsq(A, right, rcond=1e-6)
     factor = spread / size if scaled else float(unknowns[0])
     shift, b = unknowns[int(not scaled) :][:3], arm if known else unknowns[-3:]
-    if factor <= 0.0 or np.linalg.norm(b) > LONGEST:
+    # Base, in parts of the extent of the leaders, beyond which it is none of a platform.
+    if factor <= 0.0 or np.linalg.norm(b) > 3.0:
         return None
     off = np.concatenate([(A @ unknowns - right), (T @ D_l @ R - D_f).ravel()])
     values = rotations.singular_values(A[:, : 4 - int(scaled)])
@@ -113,21 +108,6 @@ def _with_turn(
 
 # ---- Join two parts where what ties them determines the movement between them.
 
-FEWEST_POSITIONS = 8
-"""Given positions from which a part that is still growing may be tied to them."""
-TURN = 0.01
-"""σ of the turn (radians) up to which given positions tie a part while it is still growing."""
-FITS = 0.03
-"""Misfit, in parts of the size of what is common, beyond which two parts do not belong together."""
-ALIKE = 3.0
-"""Factor of the misfits from which on a shape is told from its mirrored one."""
-ALL_OPEN = 7
-"""Movements between two parts that nothing ties."""
-MOST_TRIED = 6
-"""Movements that fit alike of which another one may be taken where what the first leads to does not agree."""
-MANY = 400
-"""Common points of which the movement is worked out, at the most."""
-
 
 def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> bool:
     """Carry ``source`` into the system of ``target``, which takes over what it knows; true where that was possible.
@@ -139,7 +119,8 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     found = _tie_of_either_hand(target, source, scene)
     if found is None or found.open:
         found = tie_by_platform(target, source, scene) or found
-    if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
+    # Misfit, in parts of the size of what is common, beyond which two parts do not belong together.
+    if found is None or found.open or (found.redundancy > 0 and found.misfit > 0.03):
         return False
     if found.alternatives and not ambiguous:
         return False
@@ -159,10 +140,11 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
     _mirror(loose)
     other = tie(target, source, scene)
     fit, mirrored = (np.inf if one is None or one.open else max(one.misfit, PRECISION) for one in (found, other))
-    if mirrored * ALIKE < fit:
+    # A shape is told from its mirrored one where it misfits three times less.
+    if mirrored * 3.0 < fit:
         return other
     _mirror(loose)
-    if fit * ALIKE < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
+    if fit * 3.0 < mirrored or fit == mirrored == np.inf or not (target.handed or source.handed):
         return found
     return found._replace(alternatives=(*found.alternatives, found.similarity))
 
@@ -170,13 +152,20 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
 def open_movements(target: Part, source: Part, scene: Scene) -> int:
     """Return the number of movements between two parts that nothing determines."""
     found = tie(target, source, scene)
-    return ALL_OPEN if found is None else found.open
+    # Movements between two parts that nothing ties.
+    return 7 if found is None else found.open
 
 
 def free_movements(target: Part, source: Part) -> int:
     """Return the number of movements of two parts against each other if nothing ties them."""
-    turns = 3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
-    return 3 + turns + (not (target.scaled and source.scaled))
+    return 3 + turn_between(target, source).count + (not (target.scaled and source.scaled))
+
+
+def turn_between(target: Part, source: Part) -> FreeRotation:
+    """Return the turns of two parts against each other that their verticals and directions leave free."""
+    if not (target.levelled and source.levelled):
+        return FreeRotation.ANY
+    return FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL
 
 
 def lay_upon(part: Part, places: FloatArray, turn: FreeRotation, scaled: bool) -> None:
@@ -213,13 +202,13 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
     target.joined += [*source.joined, one]
     bare = not target.lifts, not source.lifts
     target.handed |= source.handed
-    moved = _scaling(1.0) if found is None else _likelier(found, source, scene)
+    moved = movement_by() if found is None else _likelier(found, source, scene)
     if target.scaled and not source.scaled:
         forget_marks(source, scene)
     if source.scaled and not target.scaled:
         forget_marks(target, scene)
-        target.transform(_scaling(1.0 / moved.scale))
-        moved = _times(moved, 1.0 / moved.scale)
+        target.transform(movement_by(1.0 / moved.scale))
+        moved = moved.times(1.0 / moved.scale)
         target.scaled = True
     source.transform(moved)
     taken = np.isnan(target.points).any(axis=1) & np.isfinite(source.points).any(axis=1)
@@ -243,11 +232,7 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
 def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     """The movement from source to target by their common points, centres and attitudes."""
     both = source.levelled and target.levelled
-    turn = (
-        (FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL)
-        if both
-        else FreeRotation.ANY
-    )
+    turn = turn_between(target, source)
     points, goals = _common_points(target, source, scene, both)
     centres, places = _common_centres(target, source, scene)
     axes, goal_axes = _common_attitudes(target, source, scene)
@@ -272,8 +257,8 @@ def _common_points(target: Part, source: Part, scene: Scene, both: bool) -> tupl
     known = ours & theirs if both else theirs & np.asarray(ours.all(axis=1))[:, None]
     rows = np.flatnonzero(known.any(axis=1))
     full = rows[known[rows].all(axis=1)]
-    if len(full) > MANY:
-        rows = full[np.linspace(0, len(full) - 1, MANY).astype(int)]
+    if len(full) > 400:
+        rows = evenly(full, 400)
     goals = np.where(known[rows], target.points[rows], np.nan)
     points = np.where(ours[rows], source.points[rows], 0.0)
     if target.lifts is not source.lifts:
@@ -322,23 +307,14 @@ def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
     """
     if not found.alternatives:
         return found.similarity
-    both = [found.similarity, *found.alternatives][:MOST_TRIED]
+    # Movements that fit alike of which another one may be taken where what the first leads to does not agree.
+    both = [found.similarity, *found.alternatives][:6]
     known = source.points[np.isfinite(source.points).all(axis=1)]
     if source.poses and len(known) and not found.open:
         centres = np.array([centre for centre, _ in source.poses.values()]).mean(axis=0)
         seen = known.mean(axis=0)
         both.sort(key=lambda one: -float((one.rotation @ (centres - seen))[2]))
     return both[scene.choices.take(len(both))]
-
-
-def _scaling(scale: float) -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
-
-
-def _times(moved: Similarity, factor: float) -> Similarity:
-    return Similarity(
-        moved.outcome, moved.scale * factor, moved.rotation, moved.translation * factor, moved.residuals, moved.sigma0
-    )
 
 
 def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
@@ -355,7 +331,8 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     standing = {frames[number].position for number in part.poses if frames[number].stands}
     blocks = np.array(sorted(standing), dtype=np.int64)
     given = blocks[system.fixed[blocks]]
-    if 2 * len(given) < len(blocks) or len(given) < FEWEST_POSITIONS:
+    # Given positions from which a part that is still growing may be tied to them.
+    if 2 * len(given) < len(blocks) or len(given) < 8:
         return False
     spread_positions(part, frames)
     given = given[part.known(given)]
@@ -364,7 +341,8 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
     if found.outcome is not SimilarityOutcome.DETERMINED:
         return False
     spread = rotations.singular_values(target - target.mean(axis=0))
-    return bool(found.sigma0 < TURN * np.hypot(spread[1], spread[2]))
+    # σ of the turn (radians) up to which given positions tie a part while it is still growing.
+    return bool(found.sigma0 < 0.01 * np.hypot(spread[1], spread[2]))
 
 
 def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
@@ -407,8 +385,9 @@ def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
     """
     turned: set[int] = set()
     for one in _systems(network):
-        recomputed = _is_feature(network.blocks["rotation"], one) and bool(
-            np.isnan(network.start["point"][one.points]).any()
+        about = network.blocks["rotation"].about_axes
+        recomputed = (
+            about is not None and bool(about[one.rotation]) and bool(np.isnan(network.start["point"][one.points]).any())
         )
         known = np.isfinite(start["point"][one.points]).all(axis=1)
         lacking = np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
@@ -468,10 +447,6 @@ def _systems(network: Network) -> Iterator[_Measured]:
         rows = np.flatnonzero((blocks[1] == rotation) & (blocks[3] == own))
         origin, _, scale, offset = (int(blocks[slot][rows[0]]) for slot in range(4))
         yield _Measured(origin, int(rotation), scale, offset, blocks[4][rows], local[rows])
-
-
-def _is_feature(blocks: Blocks, one: _Measured) -> bool:
-    return blocks.about_axes is not None and bool(blocks.about_axes[one.rotation])
 
 
 def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool, turned: bool) -> None:
@@ -560,24 +535,15 @@ def starting_part(network: Network, frames: Sequence[Frame]) -> Part:
     part.levelled = part.oriented = part.scaled = part.given = True
     for number, frame in enumerate(frames):
         if frame.relative is not None:
-            follower = _follower_pose(network, frame)
-            if follower is not None:
-                part.poses[number] = follower
+            turn, base = start["rotation"][frame.relative[0]], start["base"][frame.relative[1]]
+            leader = given_pose(network, frame)
+            if leader is not None and np.isfinite(turn).all() and np.isfinite(base).all():
+                part.poses[number] = leader[0] + leader[1].T @ base, turn @ leader[1]
         else:
             given = given_pose(network, frame)
             if given is not None:
                 part.poses[number] = given
     return part
-
-
-def _follower_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArray] | None:
-    assert frame.relative is not None
-    turn, base = network.start["rotation"][frame.relative[0]], network.start["base"][frame.relative[1]]
-    leader = given_pose(network, frame)
-    if leader is None or not (np.isfinite(turn).all() and np.isfinite(base).all()):
-        return None
-    centre, D = leader
-    return centre + D.T @ base, turn @ D
 
 
 def fill_in(
@@ -594,11 +560,7 @@ def fill_in(
         if frame.relative is None:
             put_rotation(network, rotations, frame.rotation, D)
             missing = np.isnan(points[frame.position])
-            if missing.any():
-                height = float(np.nan_to_num(network.start["height"][frame.height, 0]))
-                eccentricity = np.nan_to_num(network.start["eccentricity"][frame.eccentricity])
-                place = centre - np.array([0.0, 0.0, height]) + D.T @ eccentricity
-                points[frame.position, missing] = place[missing]
+            points[frame.position, missing] = place_of(frame, centre, D)[missing]
     for number, kappa in part.kappas.items():
         block = measured.sights[number].rotation
         if block >= 0:
@@ -656,10 +618,6 @@ _REASONS = {
     "pair": "one of its two images could not be oriented",
 }
 """Why things stay without start values."""
-_LEVELLED = "no height difference ties it to a point with a height"
-_ONLY_HEIGHT = "height differences tell its height, and nothing its position in plan"
-_ENOUGH = {"image": 4, "station": 2}
-"""Points of known place that an image or a set needs to see for its attitude."""
 
 
 def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[UndeterminedObject, ...]:
@@ -677,7 +635,9 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
             thing = thing_of(kind, network.blocks[kind].ids[number])
             reason = _REASONS.get(thing[0], "no start value is given")
             if levelled[number] == rows[number]:
-                reason = _ONLY_HEIGHT if tied[number] else _LEVELLED
+                reason = "no height difference ties it to a point with a height"
+                if tied[number]:
+                    reason = "height differences tell its height, and nothing its position in plan"
             reason = CONTRADICTED if thing in contradicted else reason
             reason = reason if rows[number] else "no observation refers to it"
             found.setdefault(thing, UndeterminedObject(*thing, reason, "", int(rows[number])))
@@ -715,7 +675,8 @@ def _contradicted(network: Network, start: Mapping[str, FloatArray]) -> set[tupl
     things: set[tuple[str, str]] = set()
     for number, count in zip(*np.unique(pairs[:, 0], return_counts=True), strict=True):
         thing = thing_of("rotation", network.blocks["rotation"].ids[number])
-        if thing[0] in _ENOUGH and count >= _ENOUGH[thing[0]]:
+        # An image needs four points of known place for its attitude, a set two.
+        if (thing[0] == "image" and count >= 4) or (thing[0] == "station" and count >= 2):
             things.add(thing)
     return things
 
@@ -734,15 +695,10 @@ def _rows_of(network: Network, kind: str, only: ObservationType | None = None) -
 
 # ---- Start values that the observations contradict: frames whose rays pass by what they see, points that rays pass by.
 
-LARGE = 0.1
-"""Radians beyond which it is no small angle, and said in gon."""
 MOST = 0.5
 """Part of the rays of a frame that must agree with what they see."""
 AGREES = 3.0 * SLACKS[-1]
 """Radians within which a ray agrees with a start value."""
-
-
-FEWEST_OF_POINT = 2
 
 
 class Contradiction(NamedTuple):
@@ -757,7 +713,8 @@ class Contradiction(NamedTuple):
 
     def __str__(self) -> str:
         angle = 2.0 * float(np.arcsin(min(0.5 * self.off, 1.0)))
-        if angle > LARGE:
+        # Radians beyond which it is no small angle, and said in gon.
+        if angle > 0.1:
             return f"{self.name}: the observations contradict it by {angle / ANGLE_UNITS['gon']:.0f} gon"
         return f"{self.name}: the observations contradict it by {1e3 * angle:.3g} mrad"
 
@@ -773,8 +730,8 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
         if not _only_started(network, frame) or number not in system.poses:
             continue
         if number in given:
-            off = _misses(system, frame, *given[number])
-            doubtful = len(off) >= FEWEST and np.mean(off < AGREES) < MOST
+            off = misses(system, frame, *given[number])[1]
+            doubtful = len(off) >= 3 and np.mean(off < AGREES) < MOST
         else:
             turn = network.start["rotation"][frame.rotation] @ system.poses[number][1].T
             off = np.array([float(np.linalg.norm(turn - np.eye(3))) / np.sqrt(2.0)])
@@ -787,7 +744,9 @@ def contradicting_frames(network: Network, system: Part, scene: Scene) -> list[C
 def contradicting_points(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
     """Points given as start values and no more that most rays from posed frames pass by."""
     point, off = _rays_past_points(network, system, scene)
-    doubtful = np.flatnonzero(_tested(point, scene) & ~_agreeing(point, off, scene))
+    rays = np.bincount(point, minlength=scene.points)
+    agreeing = np.bincount(point[off < AGREES], minlength=scene.points)
+    doubtful = np.flatnonzero((rays >= 2) & (agreeing < MOST * rays))
     ids = network.blocks["point"].ids
     return [Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True) for p in doubtful.tolist()]
 
@@ -803,32 +762,10 @@ def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[Int
     posed = posed_frames(system.poses, seen.frames)
     rays = rays[np.isfinite(posed.centres[seen.frame[rays], 0])]
     frame, point = seen.frame[rays], seen.point[rays]
-    away = given[point] + _lifted(seen.height[rays]) - posed.centres[frame]
+    away = given[point] + np.outer(seen.height[rays], [0.0, 0.0, 1.0]) - posed.centres[frame]
     away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
     there = np.einsum("nij,nj->ni", posed.turns[frame], away)
     return point, np.asarray(np.linalg.norm(there - seen.rays[rays], axis=1))
-
-
-def _tested(point: IntArray, scene: Scene) -> BoolArray:
-    return np.asarray(np.bincount(point, minlength=scene.points) >= FEWEST_OF_POINT)
-
-
-def _agreeing(point: IntArray, off: FloatArray, scene: Scene) -> BoolArray:
-    count = np.bincount(point, minlength=scene.points)
-    return np.asarray(np.bincount(point[off < AGREES], minlength=scene.points) >= MOST * count)
-
-
-def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> FloatArray:
-    """Angles (n,) by which the rays of a frame pass by the known points they go to."""
-    known = system.known(frame.points)
-    star = (system.points[frame.points[known]] + _lifted(frame.heights[known]) - centre) @ D.T
-    star /= np.linalg.norm(star, axis=1, keepdims=True)
-    off: FloatArray = np.linalg.norm(star - frame.rays[known], axis=1)
-    return off
-
-
-def _lifted(heights: FloatArray) -> FloatArray:
-    return np.column_stack([np.zeros((len(heights), 2)), heights])
 
 
 def _only_started(network: Network, frame: Frame) -> bool:

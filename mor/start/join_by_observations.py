@@ -12,8 +12,9 @@ from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.images import is_image_point, read_out_at_once
 from mor.model.rotations import exponential
 from mor.project.network import Network
-from mor.start.bundle import Similarity, SimilarityOutcome
-from mor.start.movement import FreeRotation, Movement
+from mor.start.bundle import Similarity, evenly, movement_by
+from mor.start.join import turn_between
+from mor.start.movement import OPEN, FreeRotation, Movement, sampled_turns
 from mor.start.part import Part
 from mor.start.scene import Scene
 from mor.types import BoolArray, FloatArray, IntArray
@@ -28,14 +29,6 @@ from mor.units import ANGLE, IMAGE
 
 PRECISION = 2e-3
 """Radians, or parts of a length, that an observation fits at the best: parts are bent a little."""
-MOST = 60
-"""Rows of a group that take part."""
-PLACES = 6
-"""Points that neither part knows and that take part, at the most."""
-FEWEST = 4
-"""Components measured from or to such a point, from which on it says more than where it is."""
-_PEELED = 5
-_ABSURD = 1e6
 
 
 class SimilarityTransformations(NamedTuple):
@@ -70,17 +63,13 @@ class GroupRows(NamedTuple):
     sigma: FloatArray
 
 
-class Known(NamedTuple):
-    """Knowledge of points and rotations: (n,) 0 none, 1 by the target, 2 by the source, 3 unknown and wanted."""
-
-    points: IntArray
-    rotations: IntArray
-
-
 class Sides(NamedTuple):
     """Who knows what, and the values."""
 
-    known: Known
+    known: IntArray
+    """(points,) 0: nobody knows it, 1: the target, 2: the source, 3: unknown and wanted."""
+    turned: IntArray
+    """(rotations,) likewise."""
     points: FloatArray
     """(points, 3) of the target where it knows them, else of the source, with its middle at 0."""
     rotations: FloatArray
@@ -102,7 +91,8 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
     attitudes = network.start.get("rotation", np.zeros((0, 3, 3)))
     count, turns = len(target.points), len(attitudes)
     told = Sides(
-        Known(np.zeros(count, dtype=np.int64), np.zeros(turns, dtype=np.int64)),
+        np.zeros(count, dtype=np.int64),
+        np.zeros(turns, dtype=np.int64),
         np.full((count, 3), np.nan),
         np.full((turns, 3, 3), np.nan),
         np.zeros(count),
@@ -113,7 +103,7 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
     )
     _put(told, scene, source, middle, 2)
     _put(told, scene, target, np.zeros(3), 1)
-    (known, turned), rotations = told.known, told.rotations
+    known, turned, rotations = told.known, told.turned, told.rotations
     if target.given:
         given = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
         turned[given], rotations[given] = 1, attitudes[given]
@@ -135,47 +125,41 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
 def _put(told: Sides, scene: Scene, part: Part, middle: FloatArray, who: int) -> None:
     """Enter what a part knows; a point that it does not know the mark of is where a frame over it is."""
     known = np.asarray(np.isfinite(part.points).all(axis=1))
-    told.known.points[known], told.points[known] = who, part.points[known] - middle
+    told.known[known], told.points[known] = who, part.points[known] - middle
     told.lowered[known] = 0.0 if part.lifts else scene.target_heights[known]
     told.lever[known] = 0.0
-    for number, (centre, D) in part.poses.items():
-        frame = scene.frames[number]
-        if frame.stands and (who == 2 or told.known.points[frame.position] == 0):
-            told.known.points[frame.position], told.points[frame.position] = who, centre - middle
-            told.lowered[frame.position] = frame.offset[0]
-            told.lever[frame.position] = D.T @ frame.offset[1:]
-    _put_rotations(told, scene, part, who)
-
-
-def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
     for number, kappa in part.kappas.items():
         block = scene.terrestrial.sights[number].rotation
         if block >= 0:
-            told.known.rotations[block] = who
-            told.rotations[block] = about_vertical(np.array([kappa]))[0]
-    for number, (_, D) in part.poses.items():
+            told.turned[block], told.rotations[block] = who, about_vertical(np.array([kappa]))[0]
+    for number, (centre, D) in part.poses.items():
         frame = scene.frames[number]
-        if frame.relative is None:
-            told.known.rotations[frame.rotation], told.rotations[frame.rotation] = who, D
+        if frame.stands:
+            told.turned[frame.rotation], told.rotations[frame.rotation] = who, D
+        if frame.stands and (who == 2 or told.known[frame.position] == 0):
+            told.known[frame.position], told.points[frame.position] = who, centre - middle
+            told.lowered[frame.position] = frame.offset[0]
+            told.lever[frame.position] = D.T @ frame.offset[1:]
 
 
 def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
     """Points that neither part knows, from or to which more is measured than tells where they are.
 
-    Those go again that have enough only beside others that go; at the most ``PLACES`` of them are left.
+    Those go again that have enough only beside others that go; at the most six of them are left.
     """
     levelled = {sight.rotation: sight.position for sight in scene.terrestrial.sights if sight.rotation >= 0}
     sets = [place for block, place in levelled.items() if turned[block] == 0]
     fit = turned > 0
     fit[list(levelled)] = True
     wanted = np.asarray(told == 0)
-    for round_ in range(_PEELED):
+    for round_ in range(5):
         counts = -np.bincount(np.array(sets, dtype=np.int64), minlength=len(told))
         for group in network.groups:
             _count(group, (told > 0) | wanted, fit, counts)
         counts[~wanted] = 0
-        order = np.argsort(-counts, kind="stable")[: PLACES if round_ else len(counts)]
-        kept = order[counts[order] >= FEWEST]
+        order = np.argsort(-counts, kind="stable")[: 6 if round_ else len(counts)]
+        # Components measured from or to such a point, from which on it says more than where it is.
+        kept = order[counts[order] >= 4]
         if len(kept) == np.count_nonzero(wanted):
             break
         wanted[:] = False
@@ -208,7 +192,7 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
         fixed = np.zeros(group.count, dtype=bool)
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind in ("point", "rotation"):
-                told = (sides.known.points if slot.kind == "point" else sides.known.rotations)[blocks]
+                told = (sides.known if slot.kind == "point" else sides.turned)[blocks]
                 known &= told > 0
                 moving |= told > 1
                 fixed |= told != 2
@@ -217,10 +201,8 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
                 known &= np.isfinite(values).all(axis=1)
         inside = is_image_point(group.type)
         rows: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
-        if len(rows) > MOST:
-            rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
         if len(rows):
-            found.append(_rows(network, group, rows))
+            found.append(_rows(network, group, evenly(rows, 60)))
     return found
 
 
@@ -229,7 +211,7 @@ def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRow
 
     What is looked for stays.
     """
-    points, turns = sides.known.points == 3, sides.known.rotations == 3
+    points, turns = sides.known == 3, sides.turned == 3
     for one in rows:
         for slot, blocks in zip(one.group.type.slots, one.blocks, strict=True):
             if slot.kind in ("point", "rotation"):
@@ -243,7 +225,8 @@ def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRow
         )
         renumbered.append(one._replace(blocks=numbers))
     kept = Sides(
-        Known(sides.known.points[points], sides.known.rotations[turns]),
+        sides.known[points],
+        sides.turned[turns],
         sides.points[points],
         sides.rotations[turns],
         sides.lowered[points],
@@ -295,21 +278,21 @@ def residuals(rows: list[GroupRows], sides: Sides, moves: SimilarityTransformati
         off = computed.reshape(k, n, -1) - one.group.observed
         off = np.where(one.group.type.wraps, wrap(off), off) / one.sigma
         found.append(off[:, one.group.mask])
-    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=_ABSURD), -_ABSURD, _ABSURD)
+    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=1e6), -1e6, 1e6)
 
 
 def placed(sides: Sides, moves: SimilarityTransformations) -> tuple[FloatArray, FloatArray]:
     """Points (k, n, 3) and rotations (k, m, 3, 3) after movements, as observations refer to them."""
     k = len(moves.scale)
     points = np.broadcast_to(sides.points, (k, *sides.points.shape)).copy()
-    mine: BoolArray = sides.known.points == 2
+    mine: BoolArray = sides.known == 2
     turned = np.swapaxes(moves.rotation, 1, 2)
     points[:, mine] = moves.scale[:, None, None] * (sides.points[mine] @ turned) + moves.shift[:, None, :]
     lever = np.broadcast_to(sides.lever, points.shape).copy()
     lever[:, mine] = sides.lever[mine] @ turned
     points[:, sides.places] = moves.places
     turns = np.broadcast_to(sides.rotations, (k, *sides.rotations.shape)).copy()
-    own = sides.known.rotations == 2
+    own = sides.turned == 2
     turns[:, own] = sides.rotations[own] @ turned[:, None]
     if not sides.stands:
         back = np.swapaxes(moves.stance, 1, 2)
@@ -328,12 +311,6 @@ def about_vertical(kappas: FloatArray) -> FloatArray:
 
 # ---- Many starts of one small problem at once: Σ log(1 + v²), by Gauss-Newton with Cauchy weights, damped.
 
-_STEP = 1e-6
-_FEW, _MANY = 6, 30
-"""Steps of the most promising starts, and of the best of these."""
-_LOOKED_AT, _KEPT = 200, 16
-_LARGEST = 0.5
-"""Change of an unknown in one step, at the most."""
 
 States = TypeVar("States", bound=tuple[FloatArray, ...])
 """Many states: arrays whose first axis counts them."""
@@ -367,10 +344,11 @@ class Minima(NamedTuple):
 
 def minima(searched: Searched[States], starts: States) -> Minima:
     """The minima that the most promising of many starts lead to."""
-    order = np.argsort(_objectives(searched.residuals(starts), 30.0), kind="stable")[:_LOOKED_AT]
-    states, off = _iterated(searched, some(starts, order), _FEW, 10.0)
-    states = some(states, np.argsort(_objectives(off, 3.0), kind="stable")[:_KEPT])
-    states, off = _iterated(searched, states, _MANY, 5.0)
+    order = np.argsort(_objectives(searched.residuals(starts), 30.0), kind="stable")[:200]
+    # Steps of the most promising starts, and of the best of these.
+    states, off = _iterated(searched, some(starts, order), 6, 10.0)
+    states = some(states, np.argsort(_objectives(off, 3.0), kind="stable")[:16])
+    states, off = _iterated(searched, states, 30, 5.0)
     order = np.argsort(_objectives(off, 1.0), kind="stable")
     states, off = some(states, order), off[order]
     return Minima(states, _objectives(off, 1.0), off, _derivatives(searched, some(states, np.array([0])), off[:1])[0])
@@ -389,9 +367,9 @@ def _derivatives(searched: Searched[States], states: States, off: FloatArray) ->
     """(k, n, u) by differences, all unknowns of all states in one call."""
     count, unknowns = len(off), searched.unknowns
     many = some(states, np.repeat(np.arange(count), unknowns))
-    there = searched.residuals(searched.moved(many, np.tile(_STEP * np.eye(unknowns), (count, 1))))
+    there = searched.residuals(searched.moved(many, np.tile(1e-6 * np.eye(unknowns), (count, 1))))
     change = there.reshape(count, unknowns, -1) - off[:, None, :]
-    return np.asarray(np.swapaxes(change, 1, 2) / _STEP)
+    return np.asarray(np.swapaxes(change, 1, 2) / 1e-6)
 
 
 def _iterated(searched: Searched[States], states: States, steps: int, width: float) -> tuple[States, FloatArray]:
@@ -409,7 +387,7 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
         side = np.einsum("kni,kn->ki", rows, root * off)
         normal[:, np.arange(unknowns), np.arange(unknowns)] += load
         change = -rotations.solve(np.nan_to_num(normal), side[:, :, None])[:, :, 0]
-        moved = searched.moved(states, np.clip(np.nan_to_num(change), -_LARGEST, _LARGEST))
+        moved = searched.moved(states, np.clip(np.nan_to_num(change), -0.5, 0.5))
         tried = searched.residuals(moved)
         better = _objectives(tried, wide) < _objectives(off, wide)
         both = type(states)(*(np.concatenate(pair) for pair in zip(states, moved, strict=True)))
@@ -420,19 +398,6 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
 
 
 # ---- What is looked for between two parts, and the starts from which it is looked for.
-
-STARTS = 500
-"""Starts at the least: turns that are sampled come again with other shifts and scales."""
-MEMORY = 3e7
-"""Coordinates that are held at once, at the most."""
-_TURNS = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
-_TIMES = {FreeRotation.ANY: 4, FreeRotation.VERTICAL: 2, FreeRotation.NONE: 1}
-"""Times as many starts, where the target may be turned against what observations refer to."""
-FEWEST_DIRECTIONS = 3
-WANTED = 3
-"""Number by which points that neither part knows are known."""
-_SAME = 1e-6
-"""Change of misclosures up to which these do not depend on what was changed."""
 
 
 class Stance(NamedTuple):
@@ -452,25 +417,10 @@ class Stance(NamedTuple):
     @property
     def unknowns(self) -> int:
         """Turns and the logarithm of the unit."""
-        return _TURNS[self.turn] + self.unit
+        return self.turn.count + self.unit
 
 
 KNOWN = Stance(FreeRotation.NONE, False, False)
-
-
-def sampled_turns(turn: FreeRotation) -> FloatArray:
-    """Return rotations (k, 3, 3) over all attitudes, about the vertical, or none."""
-    if turn is FreeRotation.NONE:
-        return np.eye(3)[None]
-    angles = 2.0 * np.pi * np.arange(72) / 72
-    about = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
-    if turn is FreeRotation.VERTICAL:
-        return about
-    k = np.arange(60) + 0.5
-    z, around = 1.0 - 2.0 * k / 60.0, np.pi * (1.0 + 5.0**0.5) * k
-    tilt, azimuth = np.arccos(z), around
-    axes = np.stack([-np.sin(azimuth), np.cos(azimuth), 0.0 * k], axis=1) * tilt[:, None]
-    return np.concatenate([one @ about[::4] for one in exponential(axes)])
 
 
 def stance_of(target: Part, source: Part) -> Stance:
@@ -522,7 +472,7 @@ class Search(NamedTuple):
     @property
     def movements(self) -> int:
         """Unknowns of the movement itself."""
-        return 3 + _TURNS[self.turn] + (not self.scaled)
+        return 3 + self.turn.count + (not self.scaled)
 
     @property
     def unknowns(self) -> int:
@@ -589,15 +539,18 @@ def standing(search: Search) -> Search:
 
 def _differ(search: Search, one: SimilarityTransformations, other: SimilarityTransformations) -> bool:
     off = [search.residuals(states._replace(kappas=_orientations(search, states))) for states in (one, other)]
-    return bool((np.abs(off[1] - off[0]) > _SAME * (1.0 + np.abs(off[0]))).any())
+    # Change of misclosures up to which these do not depend on what was changed.
+    return bool((np.abs(off[1] - off[0]) > 1e-6 * (1.0 + np.abs(off[0]))).any())
 
 
 def starts(search: Search) -> SimilarityTransformations:
     """Turns all over, with shifts and scales drawn about what is common or in reach."""
     draw = np.random.default_rng(1)
     turns = sampled_turns(search.turn)
-    most = int(MEMORY / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
-    wanted = STARTS * _TIMES[search.stance.turn]
+    # Coordinates that are held at once, at the most.
+    most = int(3e7 / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
+    # Starts at the least: turns that are sampled come again with other shifts and scales.
+    wanted = 500 * (1, 2, 2, 4)[search.stance.turn.count]
     turns = np.tile(turns, (-(-wanted // len(turns)), 1, 1))
     turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
     states = _drawn(search, draw, turns)
@@ -606,7 +559,7 @@ def starts(search: Search) -> SimilarityTransformations:
         some = sampled_turns(search.stance.turn)
         states = states._replace(stance=some[draw.integers(len(some), size=k)])
     if search.stance.unit:
-        reach = np.maximum(states.scale * search.size, extent(search.sides.points[search.sides.known.points == 1]))
+        reach = np.maximum(states.scale * search.size, extent(search.sides.points[search.sides.known == 1]))
         unit = _lengths(search) / np.maximum(reach, 1e-300) * np.exp(draw.uniform(-1.0, 1.0, k))
         states = states._replace(unit=np.where(unit > 0.0, unit, 1.0))
     elif search.stance.by_source:
@@ -617,8 +570,9 @@ def starts(search: Search) -> SimilarityTransformations:
     places = states.places.copy()
     for place, sighted, directions, rises in search.sights:
         column = np.flatnonzero(search.sides.places == place)
-        told = np.asarray(search.sides.known.points[sighted] != WANTED)
-        if len(column) and np.count_nonzero(told) >= FEWEST_DIRECTIONS:
+        # Number by which points that neither part knows are known.
+        told = np.asarray(search.sides.known[sighted] != 3)
+        if len(column) and np.count_nonzero(told) >= 3:
             there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
             back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
             places[:, column[0]] = np.where(
@@ -632,7 +586,7 @@ def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Simi
     """A state for each turn (k, 3, 3), of a target that knows all that observations refer to."""
     k = len(turns)
     scale = np.ones(k) if search.scaled else _scales(search, k, draw)
-    theirs = search.sides.points[search.sides.known.points == 1]
+    theirs = search.sides.points[search.sides.known == 1]
     reach = np.maximum(scale * search.size, extent(theirs))[:, None]
     fixed = np.isfinite(search.goal).all(axis=1)
     if fixed.any():
@@ -656,7 +610,7 @@ def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray
     if size:
         return np.asarray(size / extent(search.own[known]) * np.exp(0.2 * draw.standard_normal(count)))
     reach = _lengths(search) if search.sides.stands else 0.0
-    reach = reach or extent(search.sides.points[search.sides.known.points == 1])
+    reach = reach or extent(search.sides.points[search.sides.known == 1])
     if reach:
         return np.asarray(reach / search.size * np.exp(draw.uniform(-1.5, 1.5, count)))
     return np.asarray(10.0 ** draw.uniform(-3.0, 4.0, count))
@@ -704,19 +658,6 @@ def _orientations(search: Search, states: SimilarityTransformations) -> FloatArr
 
 # ---- Two parts, and any observations between them or inside the one that joins: the movement that these determine.
 
-CONTROLLED = 3
-"""Observations beyond those that a movement takes, from which on they tell it beyond doubt."""
-AGREEING = 0.7
-"""Part of all that agree with a movement, at the least."""
-FITS = 5.0
-"""Units of what an observation is good to, up to which it agrees."""
-CLEAR = 9.0
-"""Difference of two objectives from which on one movement is told from another."""
-OPEN = 0.1
-"""σ of a movement (radians, or parts of the size) from which on it is open."""
-APART = 0.05
-SMALL = 5_000
-"""Observations of a network up to which it is tried."""
 SEARCHED = 400
 """Observations of the first search in a network, at the most; the k-th one is made among a k-th of them.
 
@@ -726,15 +667,16 @@ take at most a few times as long as the largest one.
 
 
 def tie_by_observations(
-    network: Network, target: Part, source: Part, scene: Scene, redundant: int = CONTROLLED
+    network: Network, target: Part, source: Part, scene: Scene, redundant: int = 3
 ) -> Movement | None:
     """The movement from source to target that most observations agree with.
 
-    ``None`` where fewer than ``redundant`` beyond those it takes agree, where nothing came in since it was asked, or
-    after too many searches in the network (``SEARCHED``).
+    ``None`` where fewer than ``redundant`` beyond those it takes agree (three tell it beyond doubt), where nothing came
+    in since it was asked, or after too many searches in the network (``SEARCHED``).
     """
     known = np.asarray(np.isfinite(source.points).all(axis=1))
-    if network.observations > SMALL or not (known.any() or source.poses):
+    # Observations of a network up to which it is tried.
+    if network.observations > 5_000 or not (known.any() or source.poses):
         return None
     middle = source.points[known].mean(axis=0) if known.any() else np.zeros(3)
     sides = sides_of(network, scene, target, source, middle)
@@ -756,8 +698,7 @@ def _remembered(
     search: Search, observations: int, redundant: int, tied: dict[bytes, Movement | None]
 ) -> Movement | None:
     """The movement looked for; other answers to what was in doubt elsewhere come to the same question again."""
-    told = [*search.sides[:-1], search.own, search.goal, *(one.sigma for one in search.rows)]
-    arrays = [array for one in told for array in (one if isinstance(one, tuple) else (one,))]
+    arrays = [*search.sides[:-1], search.own, search.goal, *(one.sigma for one in search.rows)]
     asked = search.goal_sigma, search.size, search.turn, search.scaled, search.stance, redundant
     words = repr(asked).encode()
     key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
@@ -770,15 +711,9 @@ def _remembered(
 def _search(
     target: Part, source: Part, scene: Scene, sides: Sides, rows: list[GroupRows], common: IntArray, middle: FloatArray
 ) -> Search:
-    both = source.levelled and target.levelled
-    turn = (
-        (FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL)
-        if both
-        else FreeRotation.ANY
-    )
     goal = target.points[common].copy()
     goal[:, 2] += scene.target_heights[common] if target.lifts and not source.lifts else 0.0
-    own = sides.points[sides.known.points == 2]
+    own = sides.points[sides.known == 2]
     size = extent(own) or extent(source.points[np.isfinite(source.points).all(axis=1)]) or 1.0
     reach = extent(target.points[np.isfinite(target.points).all(axis=1)])
     return Search(
@@ -789,7 +724,7 @@ def _search(
         PRECISION * (reach or size),
         size,
         middle,
-        turn,
+        turn_between(target, source),
         source.scaled and target.scaled,
         stance_of(target, source),
     )
@@ -799,23 +734,26 @@ def _sights(scene: Scene, sides: Sides) -> tuple[UnorientedSet, ...]:
     found = []
     for block in sides.sets.tolist():
         sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
-        told = (sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
+        told = (sides.known[sight.points] > 0) & np.isfinite(sight.directions)
         rises = np.tan(sight.verticals[told])
         found.append(UnorientedSet(sight.position, sight.points[told], sight.directions[told], rises))
     return tuple(found)
 
 
 def _judged(search: Search, found: Minima, redundant: int) -> Movement | None:
-    agrees = np.abs(found.residuals[0]) < FITS
+    # Units of what an observation is good to, up to which it agrees.
+    agrees = np.abs(found.residuals[0]) < 5.0
     count = int(np.count_nonzero(agrees))
     values, axes, without = _determined(search, found.derivatives[agrees])
     open_ = values * OPEN < 1.0
     redundancy = count - search.unknowns + int(np.count_nonzero(open_)) + without
-    if redundancy < redundant or count < AGREEING * len(agrees):
+    # Part of all that agree with a movement, at the least.
+    if redundancy < redundant or count < 0.7 * len(agrees):
         return None
     best = _movement(search, found, 0)
     others: list[int] = []
-    for k in np.flatnonzero(found.objectives < found.objectives[0] + CLEAR)[1:].tolist():
+    # Difference of two objectives from which on one movement is told from another.
+    for k in np.flatnonzero(found.objectives < found.objectives[0] + 9.0)[1:].tolist():
         if all(_apart(search, found, k, other, axes[~open_]) for other in (0, *others)):
             others.append(k)
     misfit = PRECISION * float(np.sqrt(np.mean(np.square(found.residuals[0][agrees]))))
@@ -865,11 +803,11 @@ def _apart(search: Search, found: Minima, one: int, other: int, axes: FloatArray
     size = np.maximum(a.scale, b.scale) * search.size
     scales = [] if search.scaled else [np.log(b.scale / a.scale)]
     difference = np.concatenate([(b.shift - a.shift) / size, turns, scales])
-    return bool(np.abs(axes @ difference).max(initial=0.0) > APART)
+    return bool(np.abs(axes @ difference).max(initial=0.0) > 0.05)
 
 
 def _movement(search: Search, found: Minima, number: int) -> Similarity:
     states = some(SimilarityTransformations(*found.states), np.array([number]))
     scale, rotation = float(states.scale[0]), states.rotation[0]
     shift = states.shift[0] - scale * rotation @ search.middle
-    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)
+    return movement_by(scale, rotation, shift)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.special import chdtri
 
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, cross, principal_rows, tangent_axes, unit
+from mor.start.bundle import BY_ITSELF, Bundle, cross, principal_rows, tangent_axes, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -19,8 +20,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # For a plane n · X = d in frame A and X_B = D* (X_A − b): H ~ D* (1 − b nᵀ/d). H is given its middle singular
 # value as scale and the sign that keeps the points in front of both frames; then H = D* (1 − b nᵀ/d) exactly.
 
-UNCONTROLLED = 1e-6
-"""Redundancy of a coordinate below which the fit follows it, whatever it is."""
 
 _ROUND_OFF = 1e-14
 """Part of the largest below which what a collineation makes of a direction is nothing but round-off."""
@@ -42,7 +41,7 @@ class Homography(NamedTuple):
     """(9, 9) of the elements of H, row by row, up to their common scale; for the a-priori σ of the rays."""
 
 
-def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
+def fit_homography(a: Bundle, b: Bundle) -> Homography:
     """Adjust H to n ≥ 4 homologous rays; errors of both bundles, 2 conditions per point, linear start.
 
     Four points of which no three are collinear fix H exactly (redundancy 0).
@@ -50,7 +49,7 @@ def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
     matrix = linear_homography(a, b)
     residuals = np.zeros(2 * len(a))
     corrections = np.zeros((len(a), 4))
-    for _ in range(iterations):
+    for _ in range(10):
         design, residuals, corrections = _conditions(a, b, matrix, corrections)
         scale = matrix.ravel() / np.linalg.norm(matrix)
         # The scale of H is no unknown: H → 0 would satisfy every condition.
@@ -124,7 +123,8 @@ def significance_of_points(a: Bundle, b: Bundle, homography: Homography, fitted:
     covariance = np.eye(2) + np.where(fitted, -1.0, 1.0)[:, None, None] * of_fit
     values, axes = rotations.eigh(covariance)
     along = np.einsum("nji,nj->ni", axes, residuals.reshape(-1, 2))
-    return np.asarray(np.sum(along**2 / np.maximum(values, UNCONTROLLED), axis=1))
+    # Redundancy of a coordinate below which the fit follows it, whatever it is.
+    return np.asarray(np.sum(along**2 / np.maximum(values, 1e-6), axis=1))
 
 
 class BundleRotation(NamedTuple):
@@ -138,12 +138,12 @@ class BundleRotation(NamedTuple):
     """(3, 3) of a small rotation δ of D*, for the a-priori σ of the rays."""
 
 
-def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> BundleRotation:
+def fit_turn(a: Bundle, b: Bundle) -> BundleRotation:
     """Adjust H = D*, a pure rotation, to n ≥ 2 homologous rays: what is left when there is no base."""
     rotation = nearest_rotation(b.directions.T @ a.directions)
     corrections = np.zeros((len(a), 4))
     normal = np.eye(3)
-    for _ in range(iterations):
+    for _ in range(10):
         design, residuals, corrections = _conditions(a, b, rotation, corrections)
         rows = design @ -np.stack([(cross_matrix(axis) @ rotation).ravel() for axis in np.eye(3)], axis=1)
         normal = rows.T @ rows
@@ -252,8 +252,6 @@ def _conditions(
 
 REAL = 1e-5
 """Relative size below which the imaginary part of a root, or a negative R1 or R2, is taken for rounding."""
-UNSQUARED = 1e-5
-"""Misclosure of the unsquared (7), relative to its terms, up to which a candidate is a solution."""
 
 
 class QuadrilateralAngles(NamedTuple):
@@ -319,7 +317,11 @@ def angles_in_image(corners: FloatArray) -> QuadrilateralAngles:
     crossing = unit(cross(plane_12, plane_34))
     if crossing @ (one + two + three + four) < 0.0:
         crossing = -crossing
-    cotangents = [_cot(crossing, ray) for ray in (one, two, three, four)]
+    across = cross(crossing, np.stack([one, two, three, four]))
+    cotangents = [
+        float(crossing @ ray) / max(float(np.linalg.norm(beside)), 1e-300)
+        for ray, beside in zip((one, two, three, four), across, strict=True)
+    ]
     across_one, across_three = one - (one @ crossing) * crossing, three - (three @ crossing) * crossing
     k = float(unit(across_one) @ unit(across_three))
     return QuadrilateralAngles(np.array(cotangents[:2]), np.array(cotangents[2:]), k, crossing)
@@ -334,10 +336,6 @@ def diagonals_cross(corners: FloatArray) -> bool:
         for first, second in ((one, two), (three, four))
     ]
     return all(between)
-
-
-def _cot(first: FloatArray, second: FloatArray) -> float:
-    return float(first @ second) / max(float(np.linalg.norm(cross(first, second))), 1e-300)
 
 
 def linking_constants(a: QuadrilateralAngles, b: QuadrilateralAngles) -> Linking:
@@ -389,19 +387,16 @@ def solve_quadrilateral(corners_a: FloatArray, corners_b: FloatArray) -> list[Qu
         return []
     found: list[Quadrilateral] = []
     for rho in cubic_roots(link):
-        for cot_phi_b, cot_psi_b in _cotangents(link, float(rho)):
+        if rho <= 0.0:
+            continue
+        roots_phi = _quadratic(1.0 - rho, link.k1, link.g1 - rho)
+        roots_psi = _quadratic(1.0 - rho, link.k2, link.g2 - rho)
+        for cot_phi_b, cot_psi_b in product(roots_phi, roots_psi):
             candidate = _complete(link, angles_a, angles_b, float(rho), cot_phi_b, cot_psi_b)
-            if candidate.misclosure < UNSQUARED and not any(_same(candidate, other) for other in found):
+            # Misclosure of the unsquared (7), relative to its terms, up to which a candidate is a solution.
+            if candidate.misclosure < 1e-5 and not any(_same(candidate, other) for other in found):
                 found.append(candidate)
     return sorted(found, key=lambda solution: not solution.admissible)
-
-
-def _cotangents(link: Linking, rho: float) -> list[tuple[float, float]]:
-    if rho <= 0.0:
-        return []
-    roots_phi = _quadratic(1.0 - rho, link.k1, link.g1 - rho)
-    roots_psi = _quadratic(1.0 - rho, link.k2, link.g2 - rho)
-    return [(phi, psi) for phi in roots_phi for psi in roots_psi]
 
 
 def _quadratic(leading: float, half: float, constant: float) -> list[float]:
@@ -479,13 +474,6 @@ def corners_in_frame(corners: FloatArray, solution: Quadrilateral, image: int) -
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""
 
-MORE_THAN_A_TURN = 5
-"""Unknowns that a collineation has and a rotation has not."""
-BY_ITSELF = 2.9e-7
-"""Probability that two images from one centre seem to have a base, by their errors alone (5 σ)."""
-CERTAIN = 5.0
-"""Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded."""
-
 
 class PlaneOutcome(Enum):
     """Outcome of the orientation of two images of a plane object."""
@@ -551,11 +539,13 @@ def planar_orientations(a: Bundle, b: Bundle) -> PlaneSolutions:
         return PlaneSolutions(PlaneOutcome.NOT_PLANE, [], homography)
     turn = fit_turn(a, b)
     variance = max(1.0, homography.objective / max(homography.redundancy, 1))
-    if turn.objective - homography.objective < variance * float(chdtri(MORE_THAN_A_TURN, BY_ITSELF)):
+    # Unknowns that a collineation has and a rotation has not.
+    if turn.objective - homography.objective < variance * float(chdtri(5, BY_ITSELF)):
         standing = PlaneOrientation(np.full(3, np.nan), np.zeros(3), turn.rotation, 0)
         return PlaneSolutions(PlaneOutcome.NO_BASE, [standing], homography)
     solutions = solutions_of_homography(homography.matrix, a.rays, b.rays)
-    along = significance_of_gaps(homography) < CERTAIN
+    # Standard deviations by which singular values of the collineation differ where the dangerous locus is excluded.
+    along = significance_of_gaps(homography) < 5.0
     if along and not any(one.front == len(a) for one in solutions):
         solutions = [along_normal(homography.matrix, a.rays, b.rays)]
     return PlaneSolutions(_outcome(homography, solutions, along, len(a)), solutions, homography)

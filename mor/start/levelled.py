@@ -7,26 +7,21 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
+from mor.start.bundle import sphere
 from mor.start.free_station import (
     FitQuality,
     FreeStation,
-    PlaneIntersection,
     PointDistances,
-    SectionOutcome,
     StationOutcome,
     agreeing,
-    arc_section,
-    bearing_section,
     core_of,
     free_station_level,
-    misclosures_of_arcs,
-    misclosures_of_bearings,
     shape_of_distances,
 )
 from mor.start.movement import FreeRotation, Ties, movement
 from mor.start.part import Distances, Part, Phrase, empty_part, rule
 from mor.start.scene import LocalSystem, Scene
-from mor.start.sights import Choices, LevelledSet, Terrestrial, orient
+from mor.start.sights import Choices, DirectionSet, Terrestrial, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights.
@@ -35,12 +30,6 @@ SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
 SECTION_FITS = 1e-2
 """Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
-CONTRADICTS = 0.45
-"""Radians that half of the directions of a set must not be off the others by."""
-RISES = 0.1, -0.1, 0.5, -0.5
-"""Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
-SMALLEST_SECTION = 0.05
-"""Radians at which two bearings must meet."""
 
 
 def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bool:
@@ -83,13 +72,14 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
             continue
         here = part.points[sight.position, :2]
         result = orient(here, part.points[sight.points[usable], :2], sight.directions[usable])
-        if np.median(np.abs(result.residuals)) < CONTRADICTS:
+        # Radians that half of the directions of a set must not be off the others by.
+        if np.median(np.abs(result.residuals)) < 0.45:
             part.kappas[number] = result.kappa
             added = True
     return added
 
 
-def _unknown_sights(part: Part, sight: LevelledSet) -> list[tuple[int, float]]:
+def _unknown_sights(part: Part, sight: DirectionSet) -> list[tuple[int, float]]:
     unknown = np.isnan(part.points[sight.points, :2]).any(axis=1) & np.isfinite(sight.directions)
     return list(zip(sight.points[unknown].tolist(), sight.directions[unknown].tolist(), strict=True))
 
@@ -123,7 +113,8 @@ def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, c
         for point, direction in _unknown_sights(part, sight)
         if (sight.position, point) in distances.slope
     ]
-    slope = RISES[choices.take(len(RISES))] if found else 0.0
+    # In parts of the lengths, one for all sights, whichever leads to the best.
+    slope = (0.1, -0.1, 0.5, -0.5)[choices.take(4)] if found else 0.0
     for sight, point, t, length, rise in found:
         here = part.points[sight.position]
         if np.isnan(part.points[point, 2]):
@@ -142,11 +133,13 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
             bearings.setdefault(point, []).append((part.points[sight.position, :2], direction - kappa))
     added = False
     for point, found in bearings.items():
-        if len(found) < 2 or not _meet_well([t for _, t in found]):
+        if len(found) < 2:
             continue
-        section, count = _bearings_that_agree(np.array([xy for xy, _ in found]), np.array([t for _, t in found]))
-        if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], rule("intersection of {count} bearings", count=count))
+        stations, t = np.array([xy for xy, _ in found]), np.array([t for _, t in found])
+        section = station_that_agrees(stations, t + np.pi, np.full(len(t), np.nan), 1.0, oriented=True)
+        if section.outcome is StationOutcome.DETERMINED:
+            count = len(section.residuals)
+            _place(part, point, section.position, rule("intersection of {count} bearings", count=count))
             added = True
     return added
 
@@ -161,39 +154,13 @@ def grow_arcs(part: Part, distances: Distances) -> bool:
         centres, lengths = known_arcs(part, distances, point, neighbours)
         if len(lengths) < 3:
             continue
-        section, count = _arcs_that_agree(np.array(centres), np.array(lengths))
-        if section.outcome is SectionOutcome.DETERMINED:
-            _place(part, point, section.points[0], rule("section of {count} arcs", count=count))
+        sigma = SIGMA_DIRECTION * float(np.median(lengths))
+        section = station_that_agrees(np.array(centres), np.full(len(lengths), np.nan), np.array(lengths), sigma)
+        if section.outcome is StationOutcome.DETERMINED:
+            count = len(section.residuals)
+            _place(part, point, section.position, rule("section of {count} arcs", count=count))
             known[point] = added = True
     return added
-
-
-def _bearings_that_agree(stations: FloatArray, bearings: FloatArray) -> tuple[PlaneIntersection, int]:
-    """The section of those bearings that agree, and how many these are."""
-
-    def fit(rows: IntArray) -> FitQuality:
-        section = bearing_section(stations[rows], bearings[rows])
-        if section.outcome is not SectionOutcome.DETERMINED:
-            return FitQuality(np.inf, np.zeros(0))
-        return FitQuality(
-            section.sigma0, np.abs(misclosures_of_bearings(stations[rows], bearings[rows], section.point))
-        )
-
-    rows = agreeing(len(bearings), fit, SECTION_FITS, least=3)
-    return bearing_section(stations[rows], bearings[rows]), len(rows)
-
-
-def _arcs_that_agree(stations: FloatArray, lengths: FloatArray) -> tuple[PlaneIntersection, int]:
-    """The section of those arcs that agree, and how many these are."""
-
-    def fit(rows: IntArray) -> FitQuality:
-        section = arc_section(stations[rows], lengths[rows])
-        if section.outcome is not SectionOutcome.DETERMINED:
-            return FitQuality(np.inf, np.zeros(0))
-        return FitQuality(section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point)))
-
-    rows = agreeing(len(lengths), fit, SECTION_FITS * float(np.median(lengths)), least=3)
-    return arc_section(stations[rows], lengths[rows]), len(rows)
 
 
 def known_arcs(
@@ -209,11 +176,6 @@ def known_arcs(
     return centres, lengths
 
 
-def _meet_well(bearings: list[float]) -> bool:
-    differences = np.subtract.outer(bearings, bearings)
-    return bool(np.abs(np.sin(differences)).max() > SMALLEST_SECTION)
-
-
 def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     added = False
     for number, sight in enumerate(measured.sights):
@@ -227,29 +189,33 @@ def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> b
     return added
 
 
-def _free_station(part: Part, sight: LevelledSet, distances: Distances) -> tuple[FloatArray, float] | None:
+def _free_station(part: Part, sight: DirectionSet, distances: Distances) -> tuple[FloatArray, float] | None:
     known = np.isfinite(part.points[sight.points, :2]).all(axis=1)
     points = sight.points[known]
     if len(points) < 2:
         return None
     lengths = np.array([distances.between(part, sight.position, int(point)) for point in points])
     size = np.ptp(part.points[points, :2], axis=0).max()
-    result = _station_that_agrees(part.points[points, :2], sight.directions[known], lengths, 1e-3 * size)
+    result = station_that_agrees(part.points[points, :2], sight.directions[known], lengths, 1e-3 * size)
     if result.outcome is StationOutcome.DETERMINED and np.isfinite(result.kappa):
         return result.position, result.kappa
     return None
 
 
-def _station_that_agrees(points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float) -> FreeStation:
+def station_that_agrees(
+    points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float, oriented: bool = False
+) -> FreeStation:
+    """Return the free station by those of the directions and lengths (n,) that agree; ``sigma`` that of lengths."""
+
     def station(rows: IntArray) -> FreeStation:
-        return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma)
+        return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma, oriented)
 
     def fit(rows: IntArray) -> FitQuality:
         found = station(rows)
         scaled = np.nan_to_num(np.abs(found.residuals) / [SIGMA_DIRECTION, sigma])
         return FitQuality(float(np.nan_to_num(found.sigma0, nan=np.inf)), scaled.max(axis=1, initial=0.0))
 
-    least = 5 if np.isnan(lengths).all() else 4
+    least = 5 if np.isnan(lengths).all() and not oriented else 4
     if len(points) < least:
         return station(np.arange(len(points)))
     return station(agreeing(len(points), fit, SECTION_FITS / SIGMA_DIRECTION, least - 1))
@@ -349,18 +315,6 @@ def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -
 # directions and distances; a point is taken where one place fits, and, where nothing else is left, where
 # several do.
 
-FITS = 0.01
-"""Residual (radians, or parts of a distance) up to which a surface passes through a point."""
-ROUGHLY = 0.1
-"""The same where nothing else is left: what is known may be rough itself."""
-SAME = 0.02
-"""Distance of two places, in parts of the size, up to which they are one."""
-SMALLEST = 1e-3
-"""Least singular value of the surfaces, relative to the largest, at which they meet in a point."""
-ONE_PLACE = "meeting of {count} surfaces"
-SEVERAL_PLACES = "meeting of {count} surfaces: one of {of} positions that fit equally well"
-_ALIKE = 9.0
-
 
 class Surfaces(NamedTuple):
     """Surfaces through a point; residuals are angles, or relative to a distance or to the size."""
@@ -396,7 +350,9 @@ def grow_single_points(part: Part, scene: Scene, ambiguous: bool = False, contra
     size, middle = float(np.linalg.norm(np.ptp(known, axis=0))), known.mean(axis=0)
     if not size:
         return False
-    fits = np.inf if contradicting else ROUGHLY if ambiguous else FITS
+    # Residual (radians, or parts of a distance) up to which a surface passes through a point.
+    # The same where nothing else is left: what is known may be rough itself.
+    fits = np.inf if contradicting else 0.1 if ambiguous else 0.01
     systems = [_pose_of_system(part, one, fits) for one in scene.partial_systems]
     added = False
     for point in missing:
@@ -407,7 +363,9 @@ def grow_single_points(part: Part, scene: Scene, ambiguous: bool = False, contra
         if len(places) == 1 or (ambiguous and places):
             part.points[point] = places[scene.choices.take(len(places))]
             part.placed.add(point)
-            words = ONE_PLACE if len(places) == 1 else SEVERAL_PLACES
+            words = "meeting of {count} surfaces"
+            if len(places) > 1:
+                words = "meeting of {count} surfaces: one of {of} positions that fit equally well"
             part.how[f"point {point}"] = rule(words, count=surfaces.equations, of=len(places))
             added = True
             if ambiguous and len(places) > 1:
@@ -440,17 +398,19 @@ def meeting_places(
     at, towards = surfaces.sights[:, :3], surfaces.sights[:, 3:]
     ahead = np.asarray((np.einsum("kni,ni->kn", X[:, None, :] - at, towards) > 0.0).all(axis=1))
     good &= ahead if np.isfinite(fits) or (good & ahead).any() else True
-    good &= cost <= max(_ALIKE * np.fmin.reduce(cost), (0.1 * fits) ** 2)
+    good &= cost <= max(9.0 * np.fmin.reduce(cost), (0.1 * fits) ** 2)
     best = np.argsort(cost)
     best = best[good[best]]
     values = rotations.singular_values(rows[best][:, :, free] * size)
     if values.shape[1] < free.sum():
         return []
-    apart = X[best[values[:, -1] >= SMALLEST * values[:, 0]]]
+    # Least singular value of the surfaces, relative to the largest, at which they meet in a point.
+    apart = X[best[values[:, -1] >= 1e-3 * values[:, 0]]]
     places: list[FloatArray] = []
     while len(apart):
         places.append(apart[0])
-        apart = apart[np.linalg.norm(apart - apart[0], axis=1) > SAME * size]
+        # Distance of two places, in parts of the size, up to which they are one.
+        apart = apart[np.linalg.norm(apart - apart[0], axis=1) > 0.02 * size]
     return places
 
 
@@ -478,10 +438,7 @@ def _residuals(surfaces: Surfaces, X: FloatArray, size: float) -> tuple[FloatArr
 
 def _starts(surfaces: Surfaces, middle: FloatArray, size: float) -> FloatArray:
     """Places (k, 3) over all directions, about the middle and about everything that is at a distance."""
-    k = np.arange(24) + 0.5
-    z, around = 1.0 - 2.0 * k / 24.0, np.pi * (1.0 + 5.0**0.5) * k
-    flat = np.sqrt(1.0 - z**2)
-    directions = np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
+    directions = sphere(24)
     starts = [middle + r * size * directions for r in (0.3, 1.0, 4.0)]
     starts += [sphere[:3] + sphere[3] * directions for sphere in surfaces.spheres[:4]]
     return np.concatenate(starts)
@@ -580,16 +537,14 @@ def _of_systems(
 #
 # Distances cannot tell a shape from its mirrored one: such a part is not ``handed`` until it has joined another.
 
-SIZES = (40, 20, 10)
-"""Points, at the most, of which a shape is looked for; the others grow from it."""
-
 
 def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tuple[int, ...]]) -> Part | None:
     """A part of points of which one at least is not ``known`` (points,) in any part; ``tried`` remembers all tries."""
     if known[list(scene.distances[1].neighbours)].all():
         return None
     for dimension, lengths in ((2, _in_plan(scene, system)), (3, _in_space(scene))):
-        for links, most in (*((dimension + 1, size) for size in SIZES), (dimension, dimension + 1)):
+        # Points, at the most, of which a shape is looked for; the others grow from it.
+        for links, most in (*((dimension + 1, size) for size in (40, 20, 10)), (dimension, dimension + 1)):
             core = core_of(lengths, links, most)
             key = (dimension, *core.tolist())
             if len(core) <= dimension or key in tried or known[core].all():

@@ -13,7 +13,7 @@ from mor.linalg.cholesky import NotFiniteError, factorise
 from mor.linalg.symbolic import analyse
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, direction_bundle, misfits, remembered, reproject
+from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, remembered, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
 from mor.start.resection import AGREES, KnownPosition, Pose, Resection, ResectionOutcome, adjust_pose, resect, star_of
@@ -22,25 +22,17 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form.
 
-NEIGHBOUR = 10
-"""Known points from which the pose of a neighbour is tried as a start."""
-CONTROLLED = 6
-"""Known points from which some may be left out of a resection at once."""
-_REMEMBERED = 1024
-_SAMPLE = 60
-"""Points of a frame a resection uses at the most."""
-_EXACT = 1e-6
-"""σ of a position that is given as exact, in parts of the distance to the points."""
-
 
 def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = SLACKS) -> bool:
     """Add the pose of a frame to the part; true where the points it sees allow one, with one of some slacks."""
     known, targets = _known_points(part, frame)
-    if len(known) >= NEIGHBOUR and _like_a_neighbour(part, frame, number, known, targets):
+    # Known points from which the pose of a neighbour is tried as a start.
+    if len(known) >= 10 and _like_a_neighbour(part, frame, number, known, targets):
         return True
     usable = [s for s in slacks if s >= part.slack]
     # Of few points none is to be left out as long as a looser fit has them all: four fit many a wrong pose.
-    least = [len(known)] * len(usable) if len(known) < CONTROLLED else []
+    # Known points from which some may be left out of a resection at once.
+    least = [len(known)] * len(usable) if len(known) < 6 else []
     least += [least_agreeing(len(known))] * len(usable)
     for slack, enough in zip([*usable, *usable][-len(least) :], least, strict=True):
         rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
@@ -59,15 +51,13 @@ def least_agreeing(known: int) -> int:
     return max(4, int(np.ceil(0.6 * known)))
 
 
-@remembered(_REMEMBERED)
+@remembered
 def _resected(rays: FloatArray, sigma: FloatArray, targets: FloatArray) -> Resection:
     return resect(direction_bundle(rays, sigma), targets)
 
 
 def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
-    known = np.flatnonzero(part.known(frame.points))
-    if len(known) > _SAMPLE:
-        known = known[np.linspace(0, len(known) - 1, _SAMPLE).astype(int)]
+    known = evenly(np.flatnonzero(part.known(frame.points)), 60)
     targets = part.points[frame.points[known]]
     targets[:, 2] += frame.heights[known]
     return known, targets
@@ -123,7 +113,8 @@ def observed_centres(
     place = part.points[position] - (turns.transpose(0, 2, 1) @ offset[:, 1:, None])[:, :, 0]
     place[:, 2] += offset[:, 0]
     away = np.maximum(np.abs(targets.min(axis=0) - place), np.abs(targets.max(axis=0) - place))
-    exact = _EXACT * away.max(axis=1, keepdims=True)
+    # σ of a position that is given as exact, in parts of the distance to the points.
+    exact = 1e-6 * away.max(axis=1, keepdims=True)
     own = part.sigma[position]
     return known, place, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact)
 
@@ -134,15 +125,6 @@ def observed_centres(
 # attitude grow from row to row by a constant factor; adjusted together with its neighbours they do not. It is
 # one step of a bundle adjustment of some points of some frames: points eliminated, frames outside held, given
 # positions with their σ. More steps are not needed, for every frame takes part several times.
-
-_LOCAL_BUNDLE_SAMPLE = 40
-"""Points of a frame that take part."""
-_NEAR = 10.0
-"""Misfit in units of σ up to which a ray has a say."""
-_POSE = 6
-"""Unknowns of a frame."""
-_LOOSE = 1e-9
-"""Part of the diagonal added to it, so that what nothing ties stays where it is."""
 
 
 class _PosedRays(NamedTuple):
@@ -183,15 +165,11 @@ def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntAr
     for number in moving:
         points = frames[number].points
         points = points[part.known(points)]
-        if len(points) > _LOCAL_BUNDLE_SAMPLE:
-            points = points[np.argpartition(_shuffled(points), _LOCAL_BUNDLE_SAMPLE)[:_LOCAL_BUNDLE_SAMPLE]]
+        if len(points) > 40:
+            # Their order has nothing to do with their numbers (Fibonacci hashing).
+            points = points[np.argpartition((points * 2654435769) % 2**32, 40)[:40]]
         chosen[points] = True
     return np.flatnonzero(chosen)
-
-
-def _shuffled(points: IntArray) -> IntArray:
-    """Places of points (n,) in an order that has nothing to do with their numbers (Fibonacci hashing)."""
-    return (points * 2654435769) % 2**32
 
 
 def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _PosedRays:
@@ -212,7 +190,7 @@ def _step(
     residuals, by_pose, by_point = _linearised(poses, rays, X)
     of_points = _summed(by_point, by_point, rays.point, len(X))
     size = np.trace(of_points, axis1=1, axis2=2)
-    tie = np.where(size > 0.0, np.where(rays.held, 1e12, _LOOSE) * size, 1.0)
+    tie = np.where(size > 0.0, np.where(rays.held, 1e12, 1e-9) * size, 1.0)
     of_points += tie[:, None, None] * np.eye(3)
     inverse = rotations.inv(of_points).astype(np.float64)
     point_side = _summed(by_point, residuals[:, :, None], rays.point, len(X))[:, :, 0]
@@ -227,7 +205,7 @@ def _step(
     of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
     frame_side[held, :3] += weight * (poses.centres[list(moving)][held] - place[held])
     own = np.einsum("nii->ni", of_frames)
-    own += np.where(own > 0.0, _LOOSE * own, 1.0)
+    own += np.where(own > 0.0, 1e-9 * own, 1.0)
     mixed = by_pose.transpose(0, 2, 1) @ by_point[order]
     across = _blocks(mixed, row, column, shape)
     reach = _blocks(mixed @ inverse[column], row, column, shape)
@@ -244,7 +222,8 @@ def _linearised(poses: PosedFrames, rays: _PosedRays, X: FloatArray) -> tuple[Fl
     away[:, 2] += rays.height
     star = np.einsum("nij,nj->ni", D, away)
     computed = reproject(rays.bundle, star)
-    near = np.linalg.norm(computed.residuals, axis=1) < _NEAR
+    # Misfit in units of σ up to which a ray has a say.
+    near = np.linalg.norm(computed.residuals, axis=1) < 10.0
     by_star = computed.by_star * near[:, None, None]
     by_point = by_star @ D
     by_pose = np.concatenate([-by_point, by_star @ cross_matrix(star)], axis=2)
@@ -275,16 +254,16 @@ def _lower_triangle(matrix: scipy.sparse.bsr_array) -> BlockMatrix:
     kept = matrix.indices >= row
     column_pointers = np.concatenate([[0], np.cumsum(np.bincount(row[kept], minlength=count))])
     structure = BlockStructure(
-        _POSE * np.arange(count + 1),
+        6 * np.arange(count + 1),
         column_pointers.astype(np.int64),
         matrix.indices[kept].astype(np.int64),
-        _POSE**2 * np.arange(int(kept.sum()) + 1),
+        36 * np.arange(int(kept.sum()) + 1),
     )
     return BlockMatrix(structure, matrix.data[kept].transpose(0, 2, 1).ravel())
 
 
 def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
-    """Solution of matrix · x = −side, scaled to a unit diagonal. Raises :class:`NotFiniteError`."""
+    """Return x of matrix · x = −side, scaled; singular unknowns stay. Raises :class:`NotFiniteError`."""
     diagonal = matrix.diagonal()
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     factor = factorise(matrix.scaled(scale), analyse(matrix.structure))
@@ -298,16 +277,6 @@ def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
 
 ENOUGH = 6
 """Known points in a frame from which a resection is unambiguous and controlled."""
-SHARE = 0.5
-"""Frames are posed in one round that see so large a part of the most known points that any of them sees."""
-FIRST = 200
-"""Frames just joined to given positions that settle with those posed first."""
-BATCH = 6
-"""Frames at least that are posed before they settle."""
-FRONT = 5
-"""Batches before them that settle with them: with fewer, errors still grow from row to row of an aerial block."""
-ROUGH = (0.03, 0.1)
-"""Slacks (radians) of frames that see points whose places are rough."""
 FEWEST = 4
 """Known points from which a frame can be resected where there is no other way."""
 
@@ -322,18 +291,24 @@ def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: i
     refused = np.zeros(seen.frames, dtype=np.int64)
     counts = _seen(seen, np.flatnonzero(np.isfinite(part.points).all(axis=1)))
     posed = sorted(part.poses)
-    just_tied = part.place_sigma > 0.0 and len(posed) <= FIRST
+    # Frames just joined to given positions that settle with those posed first.
+    just_tied = part.place_sigma > 0.0 and len(posed) <= 200
     front = [[number for number in posed if just_tied and frames[number].name in part.how]]
     before, grown = len(posed), False
     while True:
-        _grow_bundles_enter(part, frames, poses, posed)
+        for number in posed:
+            part.seen_by[frames[number].points] = number
+            poses.centres[number], poses.turns[number] = part.poses[number]
         fresh = _intersect(part, frames, seen, poses, posed)
-        if front[-1] and (len(front[-1]) >= BATCH or not posed):
+        # Frames at least that are posed before they settle.
+        if front[-1] and (len(front[-1]) >= 6 or not posed):
             moving = [number for batch in front for number in batch]
             settle(part, frames, seen, poses, moving)
             # What only frames between see changes little, and again with the next batch.
             _intersect(part, frames, seen, poses, [*front[0], *front[-1]] if posed else moving)
-            front = [*front[-FRONT:], []]
+            # Batches before them that settle with them: with fewer, errors still grow from row to row of an aerial
+            # block.
+            front = [*front[-5:], []]
         counts += _seen(seen, fresh)
         paused = most is not None and len(part.poses) - before >= most
         without = np.isnan(poses.centres[:, 0])
@@ -342,12 +317,6 @@ def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: i
         grown |= bool(len(fresh) or posed)
         if not (len(fresh) or posed) or paused:
             return grown
-
-
-def _grow_bundles_enter(part: Part, frames: Sequence[Frame], poses: PosedFrames, numbers: Sequence[int]) -> None:
-    for number in numbers:
-        part.seen_by[frames[number].points] = number
-        poses.centres[number], poses.turns[number] = part.poses[number]
 
 
 def _intersect(
@@ -379,7 +348,8 @@ def _pose_best(part: Part, frames: Sequence[Frame], counts: IntArray, refused: I
     usable = (counts >= fewest) & (counts > refused)
     posed: list[int] = []
     while usable.any() and not posed:
-        threshold = max(fewest, int(SHARE * counts[usable].max()))
+        # Frames are posed in one round that see so large a part of the most known points that any of them sees.
+        threshold = max(fewest, int(0.5 * counts[usable].max()))
         chosen = np.flatnonzero(usable & (counts >= threshold))
         for number in chosen[np.argsort(-counts[chosen], kind="stable")].tolist():
             if pose_frame(part, frames[number], number):
@@ -398,7 +368,8 @@ def pose_the_rest(part: Part, frames: Sequence[Frame]) -> bool:
             continue
         known = part.known(frame.points)
         if np.count_nonzero(known) >= FEWEST:
-            posed |= pose_frame(part, frame, number, ROUGH)
+            # Slacks (radians) of frames that see points whose places are rough.
+            posed |= pose_frame(part, frame, number, (0.03, 0.1))
     return posed
 
 

@@ -18,16 +18,13 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.rotations import exponential
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, remembered, similarity
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, movement_by, remembered, similarity, sphere
 from mor.types import BoolArray, FloatArray
 
 OPEN = 0.1
 """σ of a movement (radians, or parts of the size) from which on it is open rather than determined."""
 PRECISION = 1e-4
 """What coordinates are good to at the best, in parts of the size of the target."""
-_TRIPLES = 20
-_CAUCHY = 3.0
-_REMEMBERED = 256
 
 
 class FreeRotation(Enum):
@@ -36,6 +33,11 @@ class FreeRotation(Enum):
     ANY = "any"
     VERTICAL = "about the vertical"
     NONE = "none"
+
+    @property
+    def count(self) -> int:
+        """Number of angles."""
+        return {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}[self]
 
 
 class Ties(NamedTuple):
@@ -68,7 +70,7 @@ class Movement(NamedTuple):
     @property
     def similarity(self) -> Similarity:
         """The movement as a similarity."""
-        return _similarity(self.scale, self.rotation, self.shift)
+        return movement_by(self.scale, self.rotation, self.shift)
 
 
 def movement(ties: Ties, turn: FreeRotation, scaled: bool) -> Movement | None:
@@ -78,7 +80,7 @@ def movement(ties: Ties, turn: FreeRotation, scaled: bool) -> Movement | None:
     return _best(ties.source, ties.target, ties.source_axes, ties.target_axes, turn, scaled)
 
 
-@remembered(_REMEMBERED)
+@remembered
 def _best(
     source: FloatArray,
     target: FloatArray,
@@ -103,7 +105,7 @@ def _best(
             distinct.append(one)
     carried = [frame.outwards(one) for one in (best, *distinct)]
     return Movement(
-        *carried[0], best.open, best.misfit, best.redundancy, tuple(_similarity(*one) for one in carried[1:])
+        *carried[0], best.open, best.misfit, best.redundancy, tuple(movement_by(*one) for one in carried[1:])
     )
 
 
@@ -158,25 +160,23 @@ def _starts(ties: _Normalised, turn: FreeRotation, scaled: bool) -> FloatArray:
     """Rotations (k, 3, 3) to start from, the most promising ones."""
     if turn is FreeRotation.NONE:
         return np.eye(3)[None]
-    sampled = _about_vertical(36) if turn is FreeRotation.VERTICAL else _all_attitudes(ties)
+    sampled = sampled_turns(turn, 48, 12)
+    if turn is FreeRotation.ANY and len(ties.source_axes):
+        sampled = _towards(ties.target_axes[0]) @ sampled_turns(FreeRotation.VERTICAL) @ _towards(ties.source_axes[0]).T
     sampled = np.concatenate([sampled, *_closed_forms(ties, turn, scaled)])
     cost = _costs(ties, sampled, scaled)
     return sampled[np.argsort(cost, kind="stable")[:12]]
 
 
-def _about_vertical(count: int) -> FloatArray:
-    angles = 2.0 * np.pi * np.arange(count) / count
-    return exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
-
-
-def _all_attitudes(ties: _Normalised) -> FloatArray:
-    turns = _about_vertical(36)
-    if len(ties.source_axes):
-        return _towards(ties.target_axes[0]) @ turns @ _towards(ties.source_axes[0]).T
-    k = np.arange(48) + 0.5
-    polar, around = np.arccos(1.0 - 2.0 * k / 48.0), np.pi * (1.0 + 5.0**0.5) * k
-    axes = np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)], axis=1)
-    return np.concatenate([_towards(axis) @ turns[::3] for axis in axes])
+def sampled_turns(turn: FreeRotation, axes: int = 60, about: int = 18) -> FloatArray:
+    """Return rotations (k, 3, 3) about so many axes all over, 72 about the vertical, or none."""
+    if turn is FreeRotation.NONE:
+        return np.eye(3)[None]
+    angles = 2.0 * np.pi * np.arange(72) / 72
+    turns = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
+    if turn is FreeRotation.VERTICAL:
+        return turns
+    return np.concatenate([_towards(axis) @ turns[:: 72 // about] for axis in sphere(axes)])
 
 
 def _towards(axis: FloatArray) -> FloatArray:
@@ -193,7 +193,7 @@ def _closed_forms(ties: _Normalised, turn: FreeRotation, scaled: bool) -> list[F
     if len(full) < axes:
         return []
     draw = np.random.default_rng(1)
-    samples = [full, *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0))]
+    samples = [full, *(draw.choice(full, axes, replace=False) for _ in range(20 if len(full) > axes else 0))]
     fitted = congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
     found = []
     for chosen in samples:
@@ -244,7 +244,7 @@ def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool)
         rows = rows[:, moves]
         scatter = max(float(np.median(np.abs(residuals))) * 1.48, PRECISION)
         enough = len(residuals) > rows.shape[1] + 3
-        weight = 1.0 / (1.0 + (residuals / (_CAUCHY * scatter)) ** 2) if enough and step > 3 else weight
+        weight = 1.0 / (1.0 + (residuals / (3.0 * scatter)) ** 2) if enough and step > 3 else weight
         root = np.sqrt(weight)
         cost = float(np.sum(weight * residuals**2))
         size = 1e-9 + lift if step < 3 else 1e-9
@@ -303,10 +303,3 @@ def _turning(moved: FloatArray) -> FloatArray:
 
 def _apart(one: FloatArray, other: FloatArray) -> bool:
     return bool(np.trace(one @ other.T) < 3.0 - 1e-4)
-
-
-def _similarity(scale: float, rotation: FloatArray, shift: FloatArray) -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)
-
-
-__all__ = ["FreeRotation", "Movement", "Ties", "movement"]

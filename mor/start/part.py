@@ -16,7 +16,7 @@ from mor.model.images import is_image_point
 from mor.project.network import Network
 from mor.project.prior_knowledge import farthest_from_line, feature_label, turned_towards
 from mor.start.bundle import Similarity, ideal_rays
-from mor.start.sights import LevelledSet, Terrestrial, direction_sets, frame_verticals, polar_rays
+from mor.start.sights import DirectionSet, Terrestrial, direction_sets, frame_verticals, polar_rays
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- How a value was obtained, as a sentence with its names and numbers, which a report may say in another language.
@@ -131,7 +131,7 @@ class _ImageRays(NamedTuple):
     sigma: FloatArray
 
     def take(self, chosen: IntArray | BoolArray | slice) -> _ImageRays:
-        return _ImageRays(self.image[chosen], self.point[chosen], self.rays[chosen], self.sigma[chosen])
+        return _ImageRays._make(array[chosen] for array in self)
 
 
 def image_frames(network: Network) -> list[Frame]:
@@ -141,18 +141,7 @@ def image_frames(network: Network) -> list[Frame]:
         return []
     keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)
     found = [_measured_rays(network, group, owners, keys) for group in groups]
-    together = (
-        found[0]
-        if len(found) == 1
-        else (
-            _ImageRays(
-                np.concatenate([one.image for one in found]),
-                np.concatenate([one.point for one in found]),
-                np.concatenate([one.rays for one in found]),
-                np.concatenate([one.sigma for one in found]),
-            )
-        )
-    )
+    together = _ImageRays(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
     if (np.diff(together.image) < 0).any():
         together = together.take(np.argsort(together.image, kind="stable"))
     cuts = np.flatnonzero(np.diff(together.image)) + 1
@@ -223,21 +212,21 @@ def theodolite_frames(network: Network) -> list[Frame]:
     frames = []
     up = frame_verticals(network)
     for one in direction_sets(network):
-        both = np.isfinite(one.horizontal) & np.isfinite(one.vertical)
+        both = np.isfinite(one.directions) & np.isfinite(one.verticals)
         if both.any():
             frames.append(
                 Frame(
                     name=one.name,
                     position=one.position,
                     rotation=one.rotation,
-                    height=one.height,
+                    height=one.height_block,
                     eccentricity=0,
                     relative=None,
                     points=one.points[both],
                     heights=one.heights[both],
-                    rays=polar_rays(one.horizontal[both], one.vertical[both]),
+                    rays=polar_rays(one.directions[both], one.verticals[both]),
                     sigma=np.hypot(3.0 * one.sigma[both], 1e-5),
-                    offset=_offset(network, one.height, 0),
+                    offset=_offset(network, one.height_block, 0),
                     up=up[one.rotation],
                 )
             )
@@ -311,18 +300,17 @@ def target_heights(frames: Sequence[Frame], points: int, marks: IntArray) -> Flo
 
 def bare_frames(frames: Sequence[Frame], heights: FloatArray) -> tuple[Frame, ...]:
     """The frames with the rays to the targets at ``heights`` (points,) alone, as if these were the points."""
-    return tuple(_bare(frame, frame.heights == heights[frame.points]) for frame in frames)
-
-
-def _bare(frame: Frame, kept: BoolArray) -> Frame:
-    return frame._replace(
-        points=frame.points[kept], heights=np.zeros(int(kept.sum())), rays=frame.rays[kept], sigma=frame.sigma[kept]
-    )
+    bare = []
+    for frame in frames:
+        kept = frame.heights == heights[frame.points]
+        none = np.zeros(int(kept.sum()))
+        bare.append(
+            frame._replace(points=frame.points[kept], heights=none, rays=frame.rays[kept], sigma=frame.sigma[kept])
+        )
+    return tuple(bare)
 
 
 # ---- A part of the network in one coordinate system: what is known of points and frames so far.
-
-_SUM = np.ones(3)
 
 
 @dataclass(eq=False)
@@ -388,7 +376,7 @@ class Part:
     def known(self, points: IntArray) -> BoolArray:
         """(n,) true where all three coordinates are known."""
         # Whatever is not finite shows in the sum, and that is twice as fast.
-        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ _SUM))
+        return np.asarray(np.isfinite(self.points.take(points, axis=0) @ np.ones(3)))
 
     def lower_to_marks(self, heights: FloatArray, which: BoolArray | None = None) -> None:
         """Bring points (all, or ``which``) from their targets down to the marks, by ``heights`` (point blocks,)."""
@@ -407,6 +395,14 @@ class Part:
         self.poses = {number: (s * R @ centre + t, D @ R.T) for number, (centre, D) in self.poses.items()}
         turn = np.arctan2(R[0, 1], R[0, 0])
         self.kappas = {number: kappa - turn for number, kappa in self.kappas.items()}
+
+
+def misses(part: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Rays (n,) of a frame to known points, and how far (k,) at a pose their unit vectors are off these points."""
+    known = part.known(frame.points)
+    star = (part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre) @ D.T
+    star /= np.maximum(np.linalg.norm(star, axis=1, keepdims=True), 1e-300)
+    return known, np.linalg.norm(star - frame.rays[known], axis=1)
 
 
 def empty_part(points: int) -> Part:
@@ -429,57 +425,34 @@ class Distances:
     """
 
     def __init__(self, measured: Terrestrial, scaled: bool):
-        self.lifts = scaled
         self.horizontal: dict[tuple[int, int], float] = {}
         self.slope: dict[tuple[int, int], tuple[float, float]] = {}
-        self.vertical: dict[tuple[int, int], tuple[float, float]] = {}
         self.neighbours: dict[int, set[int]] = {}
         self.sigma: dict[tuple[int, int], float] = {}
         """By the two ends, the smaller number first."""
-        self._collect_verticals(measured)
-        self._as_arrays()
-        if not scaled:
-            return
-        for lengths in (measured.horizontals, measured.slopes):
-            ends = zip(lengths.start.tolist(), lengths.end.tolist(), strict=True)
-            self.sigma |= {(min(a, b), max(a, b)): s for (a, b), s in zip(ends, lengths.sigma.tolist(), strict=True)}
-        for a, b, s in zip(
-            measured.horizontals.start, measured.horizontals.end, measured.horizontals.value[:, 0], strict=True
-        ):
-            self._put(self.horizontal, int(a), int(b), float(s))
-        slopes = measured.slopes
-        for a, b, ha, hb, s in zip(
-            slopes.start, slopes.end, slopes.start_height, slopes.end_height, slopes.value[:, 0], strict=True
-        ):
-            rise = float(ha - hb)
-            self.slope[int(a), int(b)], self.slope[int(b), int(a)] = (float(s), rise), (float(s), -rise)
-            self._meet(int(a), int(b))
-
-    def _collect_verticals(self, measured: Terrestrial) -> None:
         v = measured.verticals
-        for a, b, ha, hb, value in zip(v.start, v.end, v.start_height, v.end_height, v.value[:, 0], strict=True):
-            self.vertical[int(a), int(b)] = (float(value), self._lift(ha - hb))
+        rows = [*zip(v.start, v.end, v.value[:, 0], v.start_height - v.end_height, strict=True)]
         for sight in measured.sights:
             for b, hb, value in zip(sight.points, sight.heights, sight.verticals, strict=True):
-                if np.isfinite(value):
-                    self.vertical[sight.position, int(b)] = (float(value), self._lift(sight.height - hb))
-
-    def _as_arrays(self) -> None:
+                rows += [(sight.position, b, value, sight.height - hb)] if np.isfinite(value) else []
+        # Heights of instrument and target count only in the length unit.
+        self.vertical = {(int(a), int(b)): (float(value), float(rise) * scaled) for a, b, value, rise in rows}
         self.ends = np.array(list(self.vertical), dtype=np.int64).reshape(-1, 2)
         steep = np.array(list(self.vertical.values())).reshape(-1, 2)
         self.tangents, self.rises = np.tan(steep[:, 0]), steep[:, 1]
-
-    def _lift(self, rise: float) -> float:
-        """Heights of instrument and target, which count only in the length unit."""
-        return float(rise) if self.lifts else 0.0
-
-    def _put(self, where: dict[tuple[int, int], float], a: int, b: int, value: float) -> None:
-        where[a, b] = where[b, a] = value
-        self._meet(a, b)
-
-    def _meet(self, a: int, b: int) -> None:
-        self.neighbours.setdefault(a, set()).add(b)
-        self.neighbours.setdefault(b, set()).add(a)
+        for lengths in (measured.horizontals, measured.slopes) if scaled else ():
+            rises = lengths.start_height - lengths.end_height
+            for a, b, s, rise, sigma in zip(
+                *(one.tolist() for one in (lengths.start, lengths.end, lengths.value[:, 0], rises, lengths.sigma)),
+                strict=True,
+            ):
+                self.sigma[min(a, b), max(a, b)] = sigma
+                self.neighbours.setdefault(a, set()).add(b)
+                self.neighbours.setdefault(b, set()).add(a)
+                if lengths is measured.slopes:
+                    self.slope[a, b], self.slope[b, a] = (s, rise), (s, -rise)
+                else:
+                    self.horizontal[a, b] = self.horizontal[b, a] = s
 
     def verticals_at(self, point: int) -> list[tuple[int, bool, float, float]]:
         """Other end, whether it was measured there, vertical direction and rise, of all sights from and to a point."""
@@ -556,7 +529,7 @@ class Approximation(NamedTuple):
     """The parts that began beside the object system, in the order in which they joined another one."""
     frames: tuple[Frame, ...] = ()
     """Images and theodolite sets by the numbers they have in ``parts``."""
-    sights: tuple[LevelledSet, ...] = ()
+    sights: tuple[DirectionSet, ...] = ()
     """Levelled sets by the numbers they have in ``parts``."""
     untied: tuple[Join, ...] = ()
     """Parts that lie where they do because nothing was found that ties them, or not in all movements."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, product
-from math import comb
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from scipy.special import chdtri
 
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, ahead, reproject, tangent_axes, unit
+from mor.start.bundle import AS_GOOD, Bundle, ahead, reproject, samples, tangent_axes, unit
 from mor.start.intersection import nearest_point
 from mor.start.killian import (
     Homography,
@@ -37,6 +36,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 # Killian: the evaluations of two images, compared with each other, tell a point in the plane from one off it.
 
 LEVEL = 0.001
+"""Probability that a point of the plane is taken for one off it: the level of data snooping."""
 AGREES = float(chdtri(2, LEVEL))
 """Σ (v/σ)² up to which a point is carried over: two conditions, at the level of data snooping.
 
@@ -45,11 +45,6 @@ it bends the shape, and is told without a height, with the σ of a point of the 
 """
 LEAST = 5
 """Points that must agree: any four do."""
-PART = 0.5
-"""Part of the points that must agree: in a crowd some always lie in a plane by accident."""
-SAMPLES = 200
-STEPS, ROUNDS = 3, 5
-"""Adjustments of the half that fits best, and of all that agree."""
 
 
 def carried_over(a: Bundle, b: Bundle) -> BoolArray:
@@ -63,11 +58,12 @@ def carried_over(a: Bundle, b: Bundle) -> BoolArray:
     fits = _variance(whole) == 1.0 and np.all(significance_of_points(a, b, whole, everything) < AGREES)
     if len(a) <= LEAST or fits:
         return everything
-    kept = _best_half(a, b, _samples(len(a)))
-    for _ in range(ROUNDS):
+    kept = _best_half(a, b, next(samples(len(a), 4, 200, 200, np.random.default_rng(len(a)))))
+    # Adjustments of the half that fits best, and of all that agree.
+    for _ in range(5):
         homography = fit_homography(a.take(kept), b.take(kept))
         now = significance_of_points(a, b, homography, kept) < AGREES * _variance(homography)
-        if np.sum(now) < max(LEAST, PART * len(a)):
+        if np.sum(now) < max(LEAST, 0.5 * len(a)):
             return everything
         if np.array_equal(now, kept):
             break
@@ -82,22 +78,15 @@ def _variance(homography: Homography) -> float:
     return homography.objective / redundancy if too_small else 1.0
 
 
-def _samples(count: int) -> IntArray:
-    if comb(count, 4) <= SAMPLES:
-        return np.array(list(combinations(range(count), 4)))
-    generator = np.random.default_rng(count)
-    return np.stack([generator.permutation(count)[:4] for _ in range(SAMPLES)])
-
-
 def _best_half(a: Bundle, b: Bundle, samples: IntArray) -> BoolArray:
     """The half of the points that fits best: least trimmed squares (P. J. Rousseeuw 1984) over ``samples`` (m, 4).
 
     Grown from there a collineation is not bent by points off the plane that hide each other.
     """
-    half = max(LEAST, int(np.ceil(PART * len(a))))
+    half = max(LEAST, int(np.ceil(0.5 * len(a))))
     found = misfits(a, b, homographies_of_four(a.directions[samples], b.directions[samples]))
     best = found[np.argmin(np.sum(np.sort(found, axis=1)[:, :half], axis=1))]
-    for _ in range(STEPS):
+    for _ in range(3):
         kept = np.zeros(len(a), dtype=bool)
         kept[np.argsort(best)[:half]] = True
         best = significance_of_points(a, b, fit_homography(a.take(kept), b.take(kept)), kept)
@@ -112,12 +101,6 @@ def _best_half(a: Bundle, b: Bundle, samples: IntArray) -> BoolArray:
 
 FREE = 4
 """Shift (2), turn and scale in the plane."""
-LEAST_DAMPING, ROUGH = 1e-9, 1e-6
-"""Of the scaled normal matrix: always, for the free movements; and at least, once a step led upwards."""
-STILL = 1e-10
-"""Part of Σ (v/σ)² by which a step must promise to lower it; and σ below which residuals are rounding."""
-UNDETERMINED = 1e-13
-"""Eigenvalue of the scaled normal matrix, relative to the largest, below which something else is open as well."""
 
 
 class PlaneState(NamedTuple):
@@ -154,7 +137,6 @@ def adjust_plane(
     state: PlaneState,
     in_plane: BoolArray,
     held: FloatArray | None = None,
-    iterations: int = 100,
 ) -> AdjustedPlane:
     """Adjust ``state`` to the rays of m ``bundles``; ``seen`` (m, n) says which count. Levenberg–Marquardt.
 
@@ -164,9 +146,11 @@ def adjust_plane(
     points = np.stack([there, there, there & ~in_plane], axis=1)
     free = np.concatenate([np.ones(6 * len(state.positions), dtype=bool), points.ravel()])
     free[5] = held is None
-    damping, growth = LEAST_DAMPING, 2.0
+    # Of the scaled normal matrix: always, for the free movements, and more once a step led upwards.
+    least_damping = 1e-9
+    damping, growth = least_damping, 2.0
     residuals, design = _linearised(bundles, seen, state)
-    for _ in range(iterations):
+    for _ in range(100):
         step = np.zeros(len(free))
         axes = _turns(state, held)
         turned = np.concatenate([design[:, :3], design[:, 3:6] @ axes, design[:, 6:]], axis=1)
@@ -178,11 +162,12 @@ def adjust_plane(
         promised = before - float(np.sum((residuals + design @ step) ** 2))
         if after <= before:
             gain = (before - after) / promised if promised > 0.0 else 1.0
-            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), LEAST_DAMPING)
+            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), least_damping)
             state, residuals, design, growth = moved, new_residuals, new_design, 2.0
         else:
-            damping, growth = max(damping, ROUGH) * growth, 2.0 * growth
-        still = promised <= STILL * before or before < STILL**2 * len(residuals)
+            damping, growth = max(damping, 1e-6) * growth, 2.0 * growth
+        # A step that promises less is none; σ below the same number are rounding.
+        still = promised <= 1e-10 * before or before < 1e-20 * len(residuals)
         if still or float(np.max(np.abs(step))) < 1e-12 or damping > 1e6:
             break
     return _judged(bundles, seen, state, residuals, design, free)
@@ -270,7 +255,8 @@ def covariance_in(adjusted: AdjustedPlane, constraints: FloatArray) -> FloatArra
     free = adjusted.free
     scale = 1.0 / np.sqrt(np.maximum(np.diag(adjusted.normal)[free], 1e-300))
     values, vectors = rotations.eigh(adjusted.normal[np.ix_(free, free)] * np.outer(scale, scale))
-    if values[FREE] < UNDETERMINED * values[-1]:
+    # Eigenvalue of the scaled normal matrix, relative to the largest, below which something else is open as well.
+    if values[FREE] < 1e-13 * values[-1]:
         return np.full(adjusted.normal.shape, np.nan)
     null, chosen = movements(adjusted.state)[free], constraints[:, free]
     into_datum = np.eye(len(null)) - null @ rotations.solve(chosen @ null, chosen)
@@ -297,17 +283,6 @@ def inner_constraints(adjusted: AdjustedPlane, in_plane: BoolArray) -> FloatArra
 # image decides. (The paper subtracts the cubics of two pairs as if they had one unknown. They do not: ϱ is
 # the squared ratio of the distances of S from the two images of its own pair.) Scale, position and turn in
 # the plane stay free: see :mod:`mor.start.plane_object`.
-
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
-MOVED = 5.0 / 3.0
-"""Times its σ that a coordinate may change by for each σ of the normal: what is called five σ is three at least."""
-SAME_NORMAL = 0.02
-"""Angle in radians between the normals of two pairs up to which one of them is start enough."""
-SAME = 1e-5
-"""Differences of normals and attitudes, beyond their σ, up to which two shapes are one."""
-SOLVED = (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL, PlaneOutcome.NOT_VISIBLE)
-"""Outcomes of a pair that leave it to all images."""
 
 
 class PlaneShape(NamedTuple):
@@ -363,7 +338,7 @@ def shape_of_plane(bundles: Sequence[Bundle], off: BoolArray | None = None) -> P
         pairs.append(planar_orientations(bundles[0].take(both), bundles[k].take(both)))
     based = [pair for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     for pair in based:
-        if pair.outcome not in SOLVED:
+        if not pair.outcome.usable and pair.outcome is not PlaneOutcome.NOT_VISIBLE:
             return _failed(pair.outcome, rays)
     hypotheses = _hypotheses(rays, pairs)
     if not hypotheses:
@@ -387,7 +362,8 @@ def _hypotheses(rays: _PlaneRays, pairs: list[PlaneSolutions]) -> list[list[Plan
     for number, pair in enumerate(pairs, 1):
         double = [_double(rays, number, pair)] if pair.outcome is PlaneOutcome.BASE_ALONG_NORMAL else []
         for one in [*pair.solutions, *double]:
-            if one.front > 0 and all(np.linalg.norm(one.normal - n) > SAME_NORMAL for n in normals):
+            # Angle in radians between the normals of two pairs up to which one of them is start enough.
+            if one.front > 0 and all(np.linalg.norm(one.normal - n) > 0.02 for n in normals):
                 normals.append(one.normal)
     return [[_under(rays, number, pair, normal) for number, pair in enumerate(pairs, 1)] for normal in normals]
 
@@ -524,7 +500,7 @@ def _soft(rays: _PlaneRays, pairs: list[PlaneSolutions], shape: PlaneShape) -> b
     """Return whether the σ promise more than the measurements hold.
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted again,
-    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
+    Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``sigma_hold`` of relative orientations).
     Where the normal is turned by three no coordinate or flying height may have changed by five of its own σ or more.
     """
     adjusted = shape.adjusted
@@ -543,7 +519,8 @@ def _soft(rays: _PlaneRays, pairs: list[PlaneSolutions], shape: PlaneShape) -> b
         bent = adjust_plane(rays.bundles, used, start, rays.in_plane, held=axes[:, k])
         if bent.objective - adjusted.objective < PROMISED * far**2:
             return True
-        if _plane_shape_moved(shape, bent.state, rays.in_plane, sigma_heights) > MOVED * far:
+        # Times its σ that a coordinate may change by for each σ of the normal: what is called five σ is three at least.
+        if _plane_shape_moved(shape, bent.state, rays.in_plane, sigma_heights) > (5.0 / 3.0) * far:
             return True
     return False
 
@@ -566,7 +543,8 @@ def _same(first: PlaneShape, second: PlaneShape) -> bool:
     """One shape: the first image sees the plane under one normal, the others stand to it alike, to their σ."""
     away = np.abs(_invariants(first) - _invariants(second))
     sigma = min(first.sigma_normal, second.sigma_normal, 1.0)
-    return bool(np.max(away) <= SAME + sigma)
+    # Differences of normals and attitudes, beyond their σ, up to which two shapes are one.
+    return bool(np.max(away) <= 1e-5 + sigma)
 
 
 def _invariants(shape: PlaneShape) -> FloatArray:
@@ -696,9 +674,6 @@ def sides_and_angles(corners: FloatArray) -> SidesAndAngles:
 # function of the adjusted points and frames; its covariance follows from theirs by the S-transformation and
 # the law of propagation, for the a-priori σ of the image coordinates.
 
-ROUNDING = 1e-7
-"""σ over the largest one below which it is zero: of what carries the object system."""
-
 
 class Length(NamedTuple):
     """Definition of origin, direction and scale of the object system."""
@@ -739,7 +714,8 @@ def placed_covariance(shape: PlaneShape, placed: PlacedPlane, tie: Length) -> Fl
     relative = tie.sigma / tie.length
     result = carried @ covariance @ carried.T + relative**2 * np.outer(stretched, stretched)
     sigma = np.sqrt(np.maximum(np.diag(result), 0.0))
-    exact = sigma < ROUNDING * np.max(sigma)
+    # σ over the largest one below which it is zero: of what carries the object system.
+    exact = sigma < 1e-7 * np.max(sigma)
     result[exact] = result[:, exact] = 0.0
     return np.asarray(result)
 

@@ -24,10 +24,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 NARROW = 0.05
 """Angle (rad) between rays beyond which nobody asks whether they are parallel."""
-_SIGMAS_OF_A_RAY = 3.0
-"""What the frames of the start values multiply the σ of rays with."""
-_ALIKE = 1e-2
-"""Angle (rad) to its rays up to which the start values of a far point tell its direction."""
 
 
 class RayPoints(NamedTuple):
@@ -48,14 +44,7 @@ class RayPoints(NamedTuple):
 
     def take(self, chosen: BoolArray) -> RayPoints:
         """Some of them."""
-        return RayPoints(
-            self.points[chosen],
-            self.directions[chosen],
-            self.inverse[chosen],
-            self.sigma[chosen],
-            self.centres[chosen],
-            self.apart[chosen],
-        )
+        return RayPoints._make(array[chosen] for array in self)
 
     def parallel(self, critical: float) -> BoolArray:
         """(k,) true where the rays do not meet significantly; ``critical`` is the quantile of the test."""
@@ -137,33 +126,29 @@ def _rays_to(network: Network, candidates: BoolArray) -> Iterator[tuple[IntArray
     """Blocks (k,) that the rays to candidates come from and go to, so many at a time."""
     for group in network.groups:
         if can_be_at_infinity(group.type):
-            for start in range(0, group.count, _RAYS_AT_A_TIME):
-                some = slice(start, start + _RAYS_AT_A_TIME)
+            for start in range(0, group.count, 250_000):
+                some = slice(start, start + 250_000)
                 point = group.blocks[target_slot(group.type)][some]
                 rows = candidates[point]
                 yield group.blocks[0][some][rows].astype(np.int64), point[rows].astype(np.int64)
 
 
-_RAYS_AT_A_TIME = 250_000
-
-
 def _met(network: Network, given: FloatArray) -> RayPoints:
     """Direction and inverse distance of each point that two posed frames or more see."""
     # Imported here: nearly all networks do without, and it takes as long to load as a small project to adjust.
+    from mor.start.intersection import posed_frames
     from mor.start.join import starting_part
     from mor.start.part import image_frames, sightings, theodolite_frames
 
     frames = (*image_frames(network), *theodolite_frames(network))
     seen = sightings(frames, len(given))
-    poses = starting_part(network, frames).poses
-    posed = np.array([number in poses for number in range(len(frames))], dtype=bool)
-    centres = np.array([poses[n][0] if n in poses else np.zeros(3) for n in range(len(frames))]).reshape(-1, 3)
-    turns = np.array([poses[n][1] if n in poses else np.eye(3) for n in range(len(frames))]).reshape(-1, 3, 3)
-    known = posed[seen.frame]
+    centres, turns = posed_frames(starting_part(network, frames).poses, len(frames))
+    known = np.isfinite(centres[seen.frame, 0])
     frame = seen.frame[known]
     points, point = np.unique(seen.point[known], return_inverse=True)
     rays = np.einsum("ni,nij->nj", seen.rays[known], turns[frame])
-    weight = (_SIGMAS_OF_A_RAY / seen.sigma[known]) ** 2
+    # What the frames of the start values multiply the σ of rays with.
+    weight = (3.0 / seen.sigma[known]) ** 2
     found = _inverse_distances(point, centres[frame], rays, weight, len(points))
     enough = np.bincount(point, minlength=len(points)) > 1
     return _as_given(found._replace(points=points.astype(np.int64)), given).take(enough)
@@ -209,5 +194,6 @@ def _as_given(found: RayPoints, given: FloatArray) -> RayPoints:
     size = np.linalg.norm(away, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = away / size[:, None]
-        alike = np.linalg.norm(unit - found.directions, axis=1) < _ALIKE
+        # Angle (rad) to its rays up to which the start values of a far point tell its direction.
+        alike = np.linalg.norm(unit - found.directions, axis=1) < 1e-2
     return found._replace(directions=np.where(alike[:, None], unit, found.directions))

@@ -10,13 +10,10 @@ import numpy as np
 
 from mor.start.join import place_of
 from mor.start.local_adjustment import ENOUGH, intersect_again, least_agreeing, pose_frame
-from mor.start.part import SLACKS, Frame, Part, loosened
+from mor.start.part import SLACKS, Frame, Part, loosened, misses
 from mor.start.resection import AGREES
 from mor.start.scene import Scene
-from mor.types import BoolArray, FloatArray
-
-SLACKS_OF_TEST = SLACKS[2:]
-"""Radians by which rays may be off: parts are bent a little."""
+from mor.types import FloatArray
 
 Pose = tuple[FloatArray, FloatArray]
 """Projection centre and rotation D."""
@@ -31,8 +28,7 @@ def pose_again(part: Part, scene: Scene) -> bool:
     moved: list[int] = []
     for number in list(part.poses):
         frame = frames[number]
-        known = part.known(frame.points)
-        count = int(np.count_nonzero(known))
+        count = int(np.count_nonzero(part.known(frame.points)))
         if not frame.stands or count < ENOUGH or count <= part.posed_again.get(number, 0):
             continue
         sets = _sets(part, scene, frame)
@@ -40,7 +36,7 @@ def pose_again(part: Part, scene: Scene) -> bool:
             continue
         part.posed_again[number] = count
         before, how = part.poses[number], part.how.get(frame.name)
-        if not _another(part, frame, number, known):
+        if not _another(part, frame, number, least_agreeing(count)):
             continue
         if part.poses[number] is before:
             part.how |= {} if how is None else {frame.name: how}
@@ -58,19 +54,19 @@ def pose_again(part: Part, scene: Scene) -> bool:
     return bool(moved)
 
 
-def _another(part: Part, frame: Frame, number: int, known: BoolArray) -> bool:
+def _another(part: Part, frame: Frame, number: int, least: int) -> bool:
     """Look for another pose with the least slack with which one stands the test; true where the present one does not.
 
-    ``known`` (n,) are the rays of the frame to known points. The present pose stays where none stands the test.
+    ``least`` rays must agree. The present pose stays where none stands the test.
     """
     before, failed = part.poses[number], False
-    least = least_agreeing(int(np.count_nonzero(known)))
-    for slack in (slack for slack in SLACKS_OF_TEST if slack >= part.slack):
-        if _agreeing(part, frame, number, known, slack) >= least:
+    # Radians by which rays may be off: parts are bent a little.
+    for slack in (slack for slack in SLACKS[2:] if slack >= part.slack):
+        if _agreeing(part, frame, number, slack) >= least:
             return failed
         failed = True
         if pose_frame(part, frame, number, (slack,)):
-            if _agreeing(part, frame, number, known, slack) >= least:
+            if _agreeing(part, frame, number, slack) >= least:
                 return True
             part.poses[number] = before
     return failed
@@ -82,10 +78,6 @@ def _sets(part: Part, scene: Scene, frame: Frame) -> list[int]:
     return [number for number in part.kappas if sights[number].rotation == frame.rotation]
 
 
-def _agreeing(part: Part, frame: Frame, number: int, known: BoolArray, slack: float) -> int:
-    centre, D = part.poses[number]
-    star = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
-    star = star @ D.T
-    star /= np.maximum(np.linalg.norm(star, axis=1, keepdims=True), 1e-300)
-    off = np.linalg.norm(star - frame.rays[known], axis=1)
+def _agreeing(part: Part, frame: Frame, number: int, slack: float) -> int:
+    known, off = misses(part, frame, *part.poses[number])
     return int(np.count_nonzero(off < AGREES * loosened(frame.sigma[known], slack)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, exponential, rotate
-from mor.start.bundle import Bundle, cross, principal_rows, tangent_axes, unit
+from mor.start.bundle import Bundle, cross, principal_rows, sphere, tangent_axes, unit
 from mor.types import BoolArray, FloatArray
 
 # ---- What became of a relative orientation, as data.
@@ -120,9 +120,6 @@ class RelativeOrientation(NamedTuple):
 # right-handed and the third image coordinate is −c; the f of the paper points the other way. In the words of
 # today (ik) = −[b]× D*ᵀ is the essential matrix: singular values 1, 1, 0 at the norm (14).
 
-NORM = np.sqrt(2.0)
-"""(14): Σ ik² = 2."""
-
 
 class LinearSolution(NamedTuple):
     """Auxiliary unknowns from (5) alone."""
@@ -154,7 +151,7 @@ def coplanarity_rows(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 def homogeneous_unknowns(rows: FloatArray) -> LinearSolution:
     """Solve (5) with n ≥ 8 ``rows`` (n, 9) as a homogeneous system: the right singular vector of the least value."""
     values, right = principal_rows(rows)
-    return LinearSolution(right[8].reshape(3, 3) * NORM, rows.T @ rows, values)
+    return LinearSolution(right[8].reshape(3, 3) * np.sqrt(2.0), rows.T @ rows, values)
 
 
 def adjoint(ik: FloatArray) -> FloatArray:
@@ -220,9 +217,6 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
 # and the diagonal alone does not see the shear of the two axes across the base. With (13) and all six of
 # (16*) the rank is four for every orientation. (14), and (15) to first order, follow from (16*).
 
-UPPER = np.triu_indices(3)
-INDEPENDENT = 4
-
 
 class Compatible(NamedTuple):
     """Auxiliary unknowns that fulfil all conditions."""
@@ -246,7 +240,7 @@ def conditions(ik: FloatArray) -> FloatArray:
     """Misclosures (7,) of (13) and the six of (16*)."""
     cofactors = adjoint(ik)
     matrix = ik.T @ ik + cofactors.T @ cofactors - np.eye(3)
-    return np.concatenate([[np.linalg.det(ik)], matrix[UPPER]])
+    return np.concatenate([[np.linalg.det(ik)], matrix[np.triu_indices(3)]])
 
 
 def conditions_by_unknowns(ik: FloatArray) -> FloatArray:
@@ -260,10 +254,11 @@ def conditions_by_unknowns(ik: FloatArray) -> FloatArray:
         moved[:, :, k] = cross(changes[:, :, i], columns[j]) + cross(columns[i], changes[:, :, j])
     half = np.einsum("mi,nmj->nij", ik, changes) + np.einsum("mi,nmj->nij", cofactors, moved)
     symmetric = half + np.swapaxes(half, 1, 2)
-    return np.vstack([cofactors.reshape(1, 9), symmetric[:, UPPER[0], UPPER[1]].T])
+    upper = np.triu_indices(3)
+    return np.vstack([cofactors.reshape(1, 9), symmetric[:, upper[0], upper[1]].T])
 
 
-def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20) -> Compatible:
+def compatible_unknowns(ik: FloatArray, normal: FloatArray) -> Compatible:
     """Corrections dik of least (dik)ᵀ N (dik) that make ``ik`` (3, 3) compatible; N the ``normal`` (9, 9)
     of (5).
 
@@ -273,7 +268,7 @@ def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20
     weight = normal / max(np.trace(normal) / 9.0, np.finfo(float).tiny)
     start = ik.ravel()
     current = start
-    for _ in range(iterations):
+    for _ in range(20):
         current, change = _step(current, start, weight)
         if change < 1e-15:
             break
@@ -284,9 +279,9 @@ def compatible_unknowns(ik: FloatArray, normal: FloatArray, iterations: int = 20
 def _step(current: FloatArray, start: FloatArray, weight: FloatArray) -> tuple[FloatArray, float]:
     matrix = current.reshape(3, 3)
     left, values, right = rotations.svd(conditions_by_unknowns(matrix))
-    rows = right[:INDEPENDENT]
-    target = -(left[:, :INDEPENDENT].T @ conditions(matrix)) / values[:INDEPENDENT]
-    system = np.zeros((9 + INDEPENDENT, 9 + INDEPENDENT))
+    rows = right[:4]  # so many of the conditions are independent
+    target = -(left[:, :4].T @ conditions(matrix)) / values[:4]
+    system = np.zeros((13, 13))
     system[:9, :9], system[:9, 9:], system[9:, :9] = weight, rows.T, rows
     side = np.concatenate([weight @ (start - current), target])
     step = rotations.lstsq(system, side, rcond=None)[:9]
@@ -304,11 +299,6 @@ def _step(current: FloatArray, start: FloatArray, weight: FloatArray) -> tuple[F
 #     ∂g/∂δ = D* (u × (b × p')),    ∂g/∂b = p' × u,    ∂g/∂p' = u × b,    ∂g/∂p'' = D* (b × p')
 #
 # Conditions are linearised at the adjusted observations, so the result is the strict minimum of Σ (v/σ)².
-
-INNER = 4
-"""Iterations for the adjusted observations of given parameters; they gain six digits each at image noise."""
-PARALLAX = 3.0
-"""Rays whose angle is below so many σ are parallel: in front if they point to the same side."""
 
 
 class CoplanarityResiduals(NamedTuple):
@@ -349,7 +339,8 @@ def misfit(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Copl
     axes_a, axes_b = a.whitened_axes, b.whitened_axes
     corrections = np.zeros((len(a), 4))
     rays_a, rays_b = a.rays, b.rays
-    for _ in range(INNER):
+    # Iterations for the adjusted observations of given parameters; they gain six digits each at image noise.
+    for _ in range(4):
         slopes = np.concatenate(
             [np.einsum("nij,ni->nj", axes_a, rays_b @ ik.T), np.einsum("nij,ni->nj", axes_b, rays_a @ ik)], axis=1
         )
@@ -442,7 +433,8 @@ def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) ->
     normal = cross(a.rays, turned)
     depths = np.stack([np.einsum("ni,ni->n", cross(base, rays), normal) for rays in (turned, a.rays)], axis=1)
     noise = np.hypot(a.sigma / a.lengths, b.sigma / b.lengths)
-    parallel = np.linalg.norm(normal, axis=1) < PARALLAX * noise * (a.lengths * b.lengths)
+    # Rays whose angle is below so many σ are parallel: in front if they point to the same side.
+    parallel = np.linalg.norm(normal, axis=1) < 3.0 * noise * (a.lengths * b.lengths)
     same_side = np.einsum("ni,ni->n", a.rays, turned) > 0.0
     ahead, behind = (
         np.where(parallel[:, None], same_side[:, None], towards) for towards in (depths > 0.0, depths < 0.0)
@@ -460,48 +452,39 @@ def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) ->
 #
 # It also bears plane scenes, where the eight-point system loses rank.
 
-QUADRATIC = list(combinations_with_replacement(range(4), 2))
-CUBIC = list(combinations_with_replacement(range(4), 3))
-# Cubic monomials proper first, then the basis of the quotient ring: x² xy y² xz yz z² x y z 1. The digits
-# name the variables, 3 stands for the constant 1.
-PROPER = ["000", "001", "011", "111", "002", "012", "112", "022", "122", "222"]
-REST = ["003", "013", "113", "023", "123", "223", "033", "133", "233", "333"]
-ORDER = [CUBIC.index((int(m[0]), int(m[1]), int(m[2]))) for m in PROPER + REST]
-TIMES_X_CUBIC = {0: 0, 1: 1, 2: 2, 3: 4, 4: 5, 5: 7}
-TIMES_X_BASIS = {6: 0, 7: 1, 8: 3, 9: 6}
-REAL = 1e-4
-"""Imaginary part, relative, up to which an eigenvalue counts as real (double roots split into pairs)."""
 
+def _product_tables() -> tuple[FloatArray, FloatArray, list[int]]:
+    """Products of linear polynomials, of quadratic with linear ones, and the order of the cubic monomials.
 
-def _product_tables() -> tuple[FloatArray, FloatArray]:
+    First the cubic monomials proper, then the basis of the quotient ring: x² xy y² xz yz z² x y z 1. The digits
+    name the variables, 3 stands for the constant 1.
+    """
+    squares = list(combinations_with_replacement(range(4), 2))
+    cubes = list(combinations_with_replacement(range(4), 3))
     linear = np.zeros((4, 4, 10))
-    for i in range(4):
-        for j in range(4):
-            linear[i, j, QUADRATIC.index((min(i, j), max(i, j)))] = 1.0
+    for i, j in product(range(4), repeat=2):
+        linear[i, j, squares.index((min(i, j), max(i, j)))] = 1.0
     quadratic = np.zeros((10, 4, 20))
-    for row, monomial in enumerate(QUADRATIC):
+    for row, monomial in enumerate(squares):
         for j in range(4):
             first, second, third = sorted((*monomial, j))
-            quadratic[row, j, CUBIC.index((first, second, third))] = 1.0
-    return linear, quadratic
+            quadratic[row, j, cubes.index((first, second, third))] = 1.0
+    proper = "000 001 011 111 002 012 112 022 122 222"
+    rest = "003 013 113 023 123 223 033 133 233 333"
+    order = [cubes.index((int(m[0]), int(m[1]), int(m[2]))) for m in f"{proper} {rest}".split()]
+    return linear, quadratic, order
 
 
-LINEAR_TIMES_LINEAR, QUADRATIC_TIMES_LINEAR = _product_tables()
-
-
-def _mixing() -> FloatArray:
-    # A fixed rotation of the null space: keeps "E4 with coefficient one" away from special positions.
-    return np.asarray(np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))[0])
-
-
-MIXING = _mixing()
+LINEAR_TIMES_LINEAR, QUADRATIC_TIMES_LINEAR, ORDER = _product_tables()
 
 
 def null_spaces(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     """Four matrices (s, 4, 3, 3) that span the solutions of (5) for s samples of five rays (s, 5, 3)."""
     rows = np.einsum("spi,spk->spik", rays_a, rays_b).reshape(len(rays_a), 5, 9)
     basis = rotations.svd(rows, full_matrices=True)[2][:, 5:]
-    return np.asarray(np.einsum("ab,sbm->sam", MIXING, basis).reshape(len(rays_a), 4, 3, 3))
+    # A fixed rotation of the null space keeps "E4 with coefficient one" away from special positions.
+    mixing = np.linalg.qr(np.random.default_rng(5).normal(size=(4, 4)))[0]
+    return np.asarray(np.einsum("ab,sbm->sam", mixing, basis).reshape(len(rays_a), 4, 3, 3))
 
 
 def cubic_conditions(basis: FloatArray) -> FloatArray:
@@ -538,13 +521,13 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
         return np.zeros((0, 3, 3))
     reduced = -rotations.solve(conditions[:, :, :10], conditions[:, :, 10:])
     action = np.zeros((len(basis), 10, 10))
-    for row, cubic in TIMES_X_CUBIC.items():
-        action[:, row] = reduced[:, cubic]
-    for row, column in TIMES_X_BASIS.items():
-        action[:, row, column] = 1.0
+    # x times x² xy y² xz yz z² is a proper cubic monomial, x times x y z 1 is in the basis.
+    action[:, :6] = reduced[:, [0, 1, 2, 4, 5, 7]]
+    action[:, [6, 7, 8, 9], [0, 1, 3, 6]] = 1.0
     values, vectors = rotations.eig(action)
     last = vectors[:, 9, :]
-    real = (np.abs(values.imag) <= REAL * (1.0 + np.abs(values))) & (np.abs(last) > 1e-12)
+    # Imaginary part, relative, up to which an eigenvalue counts as real (double roots split into pairs).
+    real = (np.abs(values.imag) <= 1e-4 * (1.0 + np.abs(values))) & (np.abs(last) > 1e-12)
     weights = vectors[:, 6:10, :] / np.where(real, last, 1.0)[:, None, :]
     ik = np.einsum("sae,saij->seij", weights.real, basis)[real]
     norm = np.linalg.norm(ik, axis=(1, 2), keepdims=True)
@@ -563,31 +546,18 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 # so for each of many directions of b the best δ and Σ (v/σ)² follow at once, and the minima of that map are all there
 # are.
 
-DIRECTIONS = 100
-"""Over half a sphere: 0.25 rad from one to the next; the opposite direction has the same map."""
-NEIGHBOURS = 0.45
-"""Angle in radians within which a minimum of the map is to be the least."""
-MOST = 6
-"""Best minima that are given on."""
-
 
 def minima_over_directions(a: Bundle, b: Bundle, turn: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """Orientations (b, D*) at the minima of the map, best first; ``turn`` (3, 3) is D* of no base."""
-    bases = _half_sphere()
+    # Over half a sphere, 0.25 rad from one to the next: the opposite direction has the same map.
+    bases = sphere(200)[:100]
     objectives, rests = _map(a, b, turn, bases)
-    near = np.abs(bases @ bases.T) > np.cos(NEIGHBOURS)
+    # Angle in radians within which a minimum of the map is to be the least.
+    near = np.abs(bases @ bases.T) > np.cos(0.45)
     least = objectives <= np.min(np.where(near, objectives[None], np.inf), axis=1)
-    order = [k for k in np.argsort(objectives) if least[k]][:MOST]
+    # Best minima that are given on.
+    order = [k for k in np.argsort(objectives) if least[k]][:6]
     return [(bases[k], turn @ exponential(-rests[k])) for k in order]
-
-
-def _half_sphere() -> FloatArray:
-    """Evenly spread unit vectors (m, 3): equal steps in height, the golden angle from one to the next."""
-    index = np.arange(DIRECTIONS)
-    z = (index + 0.5) / DIRECTIONS
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * index
-    across = np.sqrt(1.0 - z**2)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
 
 
 def _map(a: Bundle, b: Bundle, turn: FloatArray, bases: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -618,9 +588,6 @@ FAR = (3.0, 5.0)
 """Standard deviations by which the base is turned."""
 PROMISED = 0.64
 """Part of the promised rise that must be there: what σ say is five σ are at least four."""
-STEPS = 4
-"""Most steps of the other four parameters; they halt where one promises less than ``ENOUGH``."""
-ENOUGH = 0.5
 
 
 def sigma_hold(a: Bundle, b: Bundle, chosen: Coplanarity, covariance: FloatArray) -> bool:
@@ -643,11 +610,12 @@ def _least(a: Bundle, b: Bundle, start: tuple[FloatArray, FloatArray], axis: Flo
     base, rotation = start
     state = misfit(a, b, base, rotation)
     objective = float(state.residuals @ state.residuals)
-    for _ in range(STEPS):
+    # Most steps of the other four parameters; they halt where one promises less than a half.
+    for _ in range(4):
         across = unit(cross(base, axis))
         rows = design(state, base, rotation, across[:, None])
         step = -rotations.lstsq(rows, state.residuals, rcond=1e-12)
-        if -float(state.residuals @ (rows @ step)) < ENOUGH:
+        if -float(state.residuals @ (rows @ step)) < 0.5:
             break
         moved = turned_by(base, rotation, np.concatenate([step[0] * across, step[1:]]))
         tried = misfit(a, b, *moved)

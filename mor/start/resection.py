@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import Enum
-from itertools import combinations
 from math import comb
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.linalg import compilation
 from mor.model import rotations
 from mor.model.rotations import angles_from_rotation, cross_matrix, rotate
-from mor.start import intersection
-from mor.start.bundle import Bundle, misfits, reproject, unit
+from mor.start.bundle import AS_GOOD, Bundle, misfits, reproject, samples, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -60,33 +56,6 @@ def adjust_pose(
 
     A position ``observed`` beforehand counts with its σ.
     """
-    if not compilation.wanted():
-        return adjust_pose_plainly(bundle, points, pose, iterations, observed)
-    place, weight = (np.zeros(3), np.zeros(3)) if observed is None else (observed.place, 1.0 / observed.sigma)
-    position, rotation = intersection.adjust_pose(
-        _contiguous(bundle.rays),
-        _contiguous(bundle.normals),
-        _contiguous(bundle.axes),
-        _contiguous(bundle.sigma),
-        _contiguous(points),
-        _contiguous(pose.position),
-        _contiguous(pose.rotation),
-        _contiguous(place),
-        _contiguous(weight),
-        iterations,
-    )
-    return Pose(position, rotation)
-
-
-def _contiguous(array: FloatArray) -> FloatArray:
-    """The kernel is compiled for one layout of its arguments, not for each that may occur."""
-    return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def adjust_pose_plainly(
-    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: KnownPosition | None = None
-) -> Pose:
-    """The same without a compiler: the readable form."""
     damping = 0.0
     residuals, design = _design(bundle, points, pose, observed)
     for _ in range(iterations):
@@ -124,15 +93,6 @@ def _design(
 
 
 # ---- What became of a space resection, as data.
-
-AS_GOOD = 25.0
-"""Σ (v/σ)² by which another pose may be worse and still count as fitting equally well (5 σ)."""
-WEAK = 0.1
-"""σ of the rotation (radians), or of the position relative to the nearest point, beyond which a pose is weak."""
-SAME = 1e-4
-"""Rotations of three-point solutions closer than this are one."""
-HALF = 0.5
-"""Part of the points that must agree."""
 
 
 class ResectionOutcome(Enum):
@@ -226,7 +186,8 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     covariance = _covariance(bundle.take(agreeing), points[agreeing], pose)
     spread = float(np.sqrt(np.max(np.diag(covariance)[3:])))
     # Without redundancy every pose fits exactly: two close to one another, near the dangerous cylinder, are two.
-    tolerance = 8.0 * spread + 1e-6 if redundancy > 0 else SAME
+    # Rotations of three-point solutions closer than this are one.
+    tolerance = 8.0 * spread + 1e-6 if redundancy > 0 else 1e-4
     kept: list[Pose] = []
     for rival in rivals:
         if all(np.linalg.norm(rival.rotation - other.rotation) > tolerance for other in (pose, *kept)):
@@ -254,7 +215,8 @@ def _covariance(bundle: Bundle, points: FloatArray, pose: Pose) -> FloatArray:
 
 def _outcome(bundle: Bundle, points: FloatArray, agreeing: BoolArray, poses: list[Pose]) -> ResectionOutcome:
     """Return the outcome for the poses that fit, the best first."""
-    if np.sum(agreeing) < max(3, HALF * len(points)):
+    # Part of the points that must agree.
+    if np.sum(agreeing) < max(3, 0.5 * len(points)):
         return ResectionOutcome.DOES_NOT_FIT
     weak = any(_is_weak(bundle.take(agreeing), points[agreeing], pose) for pose in poses)
     if len(poses) > 1:
@@ -266,7 +228,8 @@ def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
     variances = np.diag(_covariance(bundle, points, pose))
     nearest = float(np.min(np.linalg.norm(points - pose.position, axis=1)))
     position, rotation = np.sqrt(np.max(variances[:3])), np.sqrt(np.max(variances[3:]))
-    return bool(rotation > WEAK or position > WEAK * nearest)
+    # Radians, and parts of the distance to the nearest point.
+    return bool(rotation > 0.1 or position > 0.1 * nearest)
 
 
 # ---- Space resection from three points: all real solutions (J. A. Grunert 1841).
@@ -280,16 +243,6 @@ def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
 # 331–356). u follows from the third law, so that no difference of angles is divided by; every solution is
 # refined on the three laws themselves.
 
-REAL = 1e-3
-"""Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs)."""
-NEARLY_REAL = 0.15
-"""The same where measuring errors, not rounding, may have parted a double root."""
-NEARLY_HOLDS = 1e-2
-"""Misclosure of the cosine laws, relative to the largest side squared, of the real part of such a root."""
-HOLDS = 1e-9
-"""Misclosure of the cosine laws, relative to the largest side squared, of a solution."""
-REFINEMENTS = 4
-
 
 class ThreePointSolutions(NamedTuple):
     """Solutions of many samples."""
@@ -302,24 +255,16 @@ class ThreePointSolutions(NamedTuple):
     """(m, 3, 3) D."""
 
 
-def resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolutions:
+def resect_three_points(points: FloatArray, rays: FloatArray, nearly: bool = False) -> ThreePointSolutions:
     """All resections with positive distances of s samples of three points (s, 3, 3) by their rays (s, 3, 3).
 
     Up to four per sample. Collinear points, or two equal ones, leave none or senseless ones; on the dangerous
-    cylinder (through the points, upright on their plane) two of them fall together.
+    cylinder (through the points, upright on their plane) two of them fall together. ``nearly``: also the real part of
+    those that errors of the rays have just made complex, which is where the rays fit best.
     """
-    return _resected(points, rays, REAL, 0.0)
-
-
-def nearly_resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePointSolutions:
-    """All resections, and the real part of those that errors of the rays have just made complex.
-
-    Near the dangerous cylinder that is the place where the rays fit best, a start for an adjustment.
-    """
-    return _resected(points, rays, NEARLY_REAL, NEARLY_HOLDS)
-
-
-def _resected(points: FloatArray, rays: FloatArray, imaginary: float, misclosure: float) -> ThreePointSolutions:
+    # Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs), and misclosure
+    # of the cosine laws, relative to the largest side squared, up to which it may stay as it is.
+    imaginary, misclosure = (0.15, 1e-2) if nearly else (1e-3, 0.0)
     directions = unit(rays)
     sides = np.stack([_side(points, 1, 2), _side(points, 0, 2), _side(points, 0, 1)], axis=1)
     cosines = np.stack([_cosine(directions, 1, 2), _cosine(directions, 0, 2), _cosine(directions, 0, 1)], axis=1)
@@ -397,7 +342,8 @@ def _distances(
     sample, distances, fit = sample[near], distances[near], fit[near]
     refined = _refined(distances, sides[sample], cosines[sample])
     fit_refined = np.max(np.abs(_laws(refined, sides[sample], cosines[sample])), axis=1)
-    holds = fit_refined < HOLDS * np.max(np.maximum(sides[sample], np.abs(refined)), axis=1) ** 2
+    # Misclosure of the cosine laws, relative to the largest side squared, of a solution.
+    holds = fit_refined < 1e-9 * np.max(np.maximum(sides[sample], np.abs(refined)), axis=1) ** 2
     keep = holds | (fit < misclosure * np.max(sides[sample], axis=1) ** 2)
     return _without_repeats(sample[keep], np.where(holds[:, None], refined, distances)[keep])
 
@@ -409,7 +355,7 @@ def _laws(s: FloatArray, sides: FloatArray, cosines: FloatArray) -> FloatArray:
 
 
 def _refined(s: FloatArray, sides: FloatArray, cosines: FloatArray) -> FloatArray:
-    for _ in range(REFINEMENTS):
+    for _ in range(4):
         jacobian = np.zeros((len(s), 3, 3))
         for law, (i, j) in enumerate(((1, 2), (0, 2), (0, 1))):
             jacobian[:, law, i] = 2.0 * (s[:, i] - s[:, j] * cosines[:, law])
@@ -450,28 +396,17 @@ def _frames(points: FloatArray, placed: FloatArray) -> tuple[FloatArray, FloatAr
 # refined by Gauss–Newton on the measured coordinates with small rotations about the axes of the frame, and the points
 # that agree are drawn again until they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
 
-SAMPLES = 80
-"""Three-point samples at the most; all triples are taken where they are not more."""
-BATCH = 10
-"""Samples that are drawn before it is asked whether more are needed."""
-MISSED = 1e-6
-"""Probability, at the share of points that agree with the best sample, that all samples had a wrong point."""
-SEEDS = 6
-"""Best solutions that are refined."""
 TRUNCATION = 12.0
 """Residual v/σ at which a point stops counting while samples are compared."""
 AGREES = 4.5
 """Length of the residual v/σ (two coordinates) up to which a point agrees."""
-ROUNDS = 10
-LINE = 1e-6
-"""Width of a field of points, relative to its length, below which it is a line."""
 
 
-def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
+def resect(bundle: Bundle, points: FloatArray) -> Resection:
     """Frame of ``bundle`` from n ≥ 3 known points (n, 3), some of which may be wrong if n ≥ 6.
 
-    Three points leave up to four solutions, all returned; more points decide where they can. The fixed
-    ``seed`` draws the samples. Degenerate data do not raise: see :class:`ResectionOutcome`.
+    Three points leave up to four solutions, all returned; more points decide where they can. Degenerate data do not
+    raise: see :class:`ResectionOutcome`.
     """
     points = np.asarray(points, dtype=float)
     refusal = _refusal(bundle, points)
@@ -479,20 +414,23 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
         return failed_resection(refusal, len(points))
     # The best poses of samples, of which so many are drawn as it takes for one without a wrong point
     # (RANSAC).
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(1841)
     poses: list[Pose] = []
     costs: list[FloatArray] = []
     drawn = 0
     # Coordinates of a map are large beside the object: differences from the centre keep the digits.
     centre = points.mean(axis=0)
-    for triples in _triples(len(points), generator):
-        found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
+    # All of few triples at once, else ten before it is asked whether more are needed.
+    batch = 80 if comb(len(points), 3) <= 80 else 10
+    for triples in samples(len(points), 3, 80, batch, generator):
+        found = resect_three_points(points[triples] - centre, bundle.rays[triples], nearly=True)
         fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
         poses, drawn = [*poses, *fresh], drawn + len(triples)
         costs.append(_truncated(bundle, points, fresh))
         # Of the points that agree, each counts the less the worse it does.
         share = 1.0 - min(float(own.min(initial=np.inf)) for own in costs) / (len(points) * TRUNCATION**2)
-        if share > 0.0 and (1.0 - share**3) ** drawn < MISSED:
+        # Probability, at the share of points that agree with the best sample, that all samples had a wrong point.
+        if share > 0.0 and (1.0 - share**3) ** drawn < 1e-6:
             break
     seeds = _apart([poses[index] for index in np.argsort(np.concatenate(costs), kind="stable")])
     refined = [_settled(bundle, points, pose) for pose in seeds]
@@ -508,18 +446,10 @@ def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
         return ResectionOutcome.INVALID
     extensions = rotations.singular_values(points - points.mean(axis=0))
     thin = rotations.singular_values(bundle.directions)[2] / np.sqrt(len(points))
-    if extensions[1] <= LINE * extensions[0] or thin < 3.0 * bundle.noise:
+    # Width of a field of points, relative to its length, below which it is a line.
+    if extensions[1] <= 1e-6 * extensions[0] or thin < 3.0 * bundle.noise:
         return ResectionOutcome.COLLINEAR
     return None
-
-
-def _triples(count: int, generator: np.random.Generator) -> Iterator[IntArray]:
-    """Samples (k, 3) of so many points, as long as more are asked for: all of them, where they are few."""
-    if comb(count, 3) <= SAMPLES:
-        yield np.array(list(combinations(range(count), 3)), dtype=np.int64)
-        return
-    for _ in range(0, SAMPLES, BATCH):
-        yield np.stack([generator.permutation(count)[:3] for _ in range(BATCH)]).astype(np.int64)
 
 
 def _truncated(bundle: Bundle, points: FloatArray, poses: list[Pose]) -> FloatArray:
@@ -537,14 +467,15 @@ def _apart(poses: list[Pose]) -> list[Pose]:
     for pose in poses:
         if all(np.linalg.norm(pose.rotation - other.rotation) > 0.02 for other in kept):
             kept.append(pose)
-        if len(kept) == SEEDS:
+        # Best solutions that are refined.
+        if len(kept) == 6:
             break
     return kept
 
 
 def _settled(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[Pose, BoolArray] | None:
     agreeing = _agreeing(bundle, points, pose, 2.0 * TRUNCATION)
-    for _ in range(ROUNDS):
+    for _ in range(10):
         if np.sum(agreeing) < min(len(points), 4):
             return None
         pose = adjust_pose(bundle.take(agreeing), points[agreeing], pose)

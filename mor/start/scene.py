@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from mor.model import rotations
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.network import Network
-from mor.start.bundle import Similarity, SimilarityOutcome
+from mor.start.bundle import movement_by, sphere
 from mor.start.movement import Movement
 from mor.start.part import (
     Distances,
@@ -324,13 +324,6 @@ def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArra
 # differences, and bases of stereo pairs that are given. What nothing else levels is turned at last so that height
 # differences fit.
 
-WEAKEST = 0.02
-"""Extension of height differences across their main direction, relative to that along, from which they level a part."""
-ALIKE = 3.0
-"""Factor of the misfits up to which two verticals fit alike."""
-DISAGREEMENT = 0.05
-"""Relative misfit beyond which height differences and points do not belong together."""
-
 
 def level_and_scale(part: Part, scene: Scene) -> bool:
     """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
@@ -365,16 +358,8 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     x = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = x - z * (x @ z)
     x /= np.linalg.norm(x)
-    part.transform(_movement(1.0, np.stack([x, np.cross(z, x), z])))
+    part.transform(movement_by(rotation=np.stack([x, np.cross(z, x), z])))
     part.levelled = True
-
-
-def _above(part: Part) -> FloatArray:
-    """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
-    seen = part.points[np.isfinite(part.points).all(axis=1)]
-    centres = np.array([centre for centre, _ in part.poses.values()])
-    above: FloatArray = centres.mean(axis=0) - (seen.mean(axis=0) if len(seen) else 0.0)
-    return above
 
 
 def level_roughly(part: Part, scene: Scene) -> bool:
@@ -388,16 +373,22 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     difference, dz = _between_known(part, scene.level_lines)
     if part.levelled or len(dz) == 0:
         return part.levelled
-    k = np.arange(400) + 0.5
-    z, around = 1.0 - 2.0 * k / 400.0, np.pi * (1.0 + 5.0**0.5) * k
-    up = np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)
+    up = sphere(400)
     rise = up @ difference.T
     factor = np.ones(len(up))
     if not part.scaled:
         factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
     cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
-    alike = up[cost <= max(ALIKE**2 * float(cost.min()), (DISAGREEMENT * float(np.linalg.norm(dz))) ** 2)]
-    best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
+    # Factor of the misfits up to which two verticals fit alike.
+    # Relative misfit beyond which height differences and points do not belong together.
+    alike = up[cost <= max(3.0**2 * float(cost.min()), (0.05 * float(np.linalg.norm(dz))) ** 2)]
+    best = up[int(np.argmin(cost))]
+    if part.poses:  # those who see are above what they see, as far as nothing else tells
+        seen = part.points[np.isfinite(part.points).all(axis=1)]
+        above = np.mean([centre for centre, _ in part.poses.values()], axis=0) - (
+            seen.mean(axis=0) if len(seen) else 0.0
+        )
+        best = alike[int(np.argmax(alike @ above))]
     for _ in range(20 if part.scaled else 0):
         across = difference - np.outer(difference @ best, best)
         best = best - rotations.lstsq(across, difference @ best - dz, rcond=1e-6)
@@ -435,7 +426,7 @@ def direct_roughly(part: Part, scene: Scene) -> None:
         return
     turn = float(np.angle(np.mean(np.concatenate(turns))))
     c, s = np.cos(turn), np.sin(turn)
-    part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
+    part.transform(movement_by(rotation=np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
 def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray, FloatArray]:
@@ -471,12 +462,14 @@ def _scale(part: Part, scene: Scene) -> bool:
     together = np.concatenate(ratios)
     if len(together) == 0 and part.levelled:
         difference, dz = _between_known(part, scene.level_lines)
-        steep = np.abs(difference[:, 2]) > WEAKEST * np.linalg.norm(difference, axis=1)
+        # Extension of height differences across their main direction, relative to that along, from which they level a
+        # part.
+        steep = np.abs(difference[:, 2]) > 0.02 * np.linalg.norm(difference, axis=1)
         together = dz[steep] / difference[steep, 2]
         together = together[together > 0.0]
     if len(together) == 0:
         return False
-    part.transform(_movement(float(np.median(together)), np.eye(3)))
+    part.transform(movement_by(float(np.median(together))))
     part.scaled = True
     forget_marks(part, scene)
     return True
@@ -488,23 +481,6 @@ def forget_marks(part: Part, scene: Scene) -> None:
     places += [frame.position for frame in scene.frames if frame.stands and frame.offset[0] != 0.0]
     marks = np.unique(np.array(places, dtype=np.int64))
     part.points[marks[~part.fixed[marks]], 2] = np.nan
-
-
-def scale_roughly(part: Part, scene: Scene) -> None:
-    """The scale from instruments of different height over one position, where nothing else tells it."""
-    if part.scaled or not part.levelled:
-        return
-    over: dict[int, list[tuple[float, float]]] = {}
-    for number, (centre, _) in part.poses.items():
-        frame = scene.frames[number]
-        if frame.stands:
-            over.setdefault(frame.position, []).append((float(frame.offset[0]), float(centre[2])))
-    spans = np.array([np.subtract(max(places), min(places)) for places in over.values()]).reshape(-1, 2)
-    measured, present = spans[spans[:, 0] > 0.0].T
-    if present.sum() > 0.0:
-        part.transform(_movement(float(measured.sum() / present.sum()), np.eye(3)))
-        part.scaled = True
-        forget_marks(part, scene)
 
 
 def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
@@ -526,7 +502,3 @@ def _spans(part: Part, frames: Sequence[Frame], lengths: PositionDifferences) ->
             start[i] = centres[key]
     spans: FloatArray = np.linalg.norm(part.points[lengths.end] - start, axis=1)
     return spans
-
-
-def _movement(scale: float, rotation: FloatArray) -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, np.zeros(3), np.zeros((0, 3)), 0.0)

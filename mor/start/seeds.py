@@ -4,40 +4,34 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from functools import reduce
 from itertools import combinations, islice
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
 
-from mor.start.bundle import direction_bundle, remembered
+from mor.start.bundle import direction_bundle, evenly, remembered
 from mor.start.free_station import PlanShape, StationOutcome, free_station_level, three_bundles
 from mor.start.image_pair import FEWEST as FITTING_FEWEST
-from mor.start.image_pair import RobustOrientation, StartOrientation, fitting_orientations, robust_relative_orientation
-from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, rule
+from mor.start.image_pair import (
+    MINIMUM,
+    RobustOrientation,
+    StartOrientation,
+    fitting_orientations,
+    robust_relative_orientation,
+)
+from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, misses, rule
 from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
 from mor.start.scene import Scene
-from mor.start.sights import LevelledSet, Terrestrial
+from mor.start.sights import Terrestrial
 from mor.types import FloatArray, IntArray
 
 # ---- Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
 
-PAIRS_TRIED = 24
-LOOKED_AT = 96
-"""Pairs whose parallaxes are compared before any is oriented."""
-GOOD_ENOUGH = 15.0
-"""Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
-GOOD_SHARE = 0.25
-"""The same in parts of the most points that two frames have in common."""
-DOUBTFUL, MOST = 2e-3, 0.9
-"""Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
 WINDOW = 64
 """Rays of a point among which frames are paired."""
-FEWEST_COMMON = 8
 _SAMPLE = 80
-_REMEMBERED = 512
-"""Pairs that are not oriented again: every beginning, and every change tried of a network, comes to most of them."""
+"""Common points of two frames beyond which more of them do not help."""
 
 
 class FramePairs(NamedTuple):
@@ -47,14 +41,6 @@ class FramePairs(NamedTuple):
     second: IntArray
     common: IntArray
     """Number of points that both see."""
-
-
-class Seed(NamedTuple):
-    """A part of two frames, or why there is none."""
-
-    part: Part | None
-    reason: Phrase | None
-    """What the best pair lacks; ``None`` where there is a part, or no pair."""
 
 
 def common_pairs(seen: Sightings) -> FramePairs:
@@ -75,20 +61,26 @@ def common_pairs(seen: Sightings) -> FramePairs:
     return FramePairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0) -> Seed:
+def seed_bundles(
+    frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0
+) -> tuple[Part | None, Phrase | None]:
     """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
+
+    If there is none, what the best pair lacks.
 
     ``passed``: so many that are better are passed over, as far as there are others.
     """
     oriented: list[tuple[float, Part]] = []
     reason: Phrase | None = None
-    both = among[pairs.common[among] >= FEWEST_COMMON]
+    both = among[pairs.common[among] >= MINIMUM]
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
-        return Seed(None, _too_few(frames, pairs, among))
-    enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
+        return None, _too_few(frames, pairs, among)
+    # Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for.
+    # The same in parts of the most points that two frames have in common.
+    enough = min(15.0, 0.25 * int(pairs.common[both].max()))
     for tried, (i, j) in enumerate(by_parallax(frames, first, second, pairs.common[both])):
-        if tried >= PAIRS_TRIED and oriented:
+        if tried >= 24 and oriented:
             break
         found = _oriented(frames, i, j, points)
         if isinstance(found, Phrase):
@@ -98,7 +90,7 @@ def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, po
         if sum(score >= enough for score, _ in oriented) > passed:
             break
     oriented.sort(key=lambda one: -one[0])
-    return Seed(oriented[min(passed, len(oriented) - 1)][1], None) if oriented else Seed(None, reason)
+    return (oriented[min(passed, len(oriented) - 1)][1], None) if oriented else (None, reason)
 
 
 def _too_few(frames: Sequence[Frame], pairs: FramePairs, among: IntArray) -> Phrase | None:
@@ -107,7 +99,7 @@ def _too_few(frames: Sequence[Frame], pairs: FramePairs, among: IntArray) -> Phr
     one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
     common = int(pairs.common[among[0]])
     words = "{one} and {other} share {count} points, relative orientation needs {least}"
-    return rule(words, one=one.name, other=other.name, count=common, least=FEWEST_COMMON)
+    return rule(words, one=one.name, other=other.name, count=common, least=MINIMUM)
 
 
 def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
@@ -133,11 +125,11 @@ def by_parallax(frames: Sequence[Frame], first: IntArray, second: IntArray, comm
     over those that have as many.
     """
     ample = int(np.count_nonzero(common >= _SAMPLE))
-    if ample > LOOKED_AT:
-        chosen = np.linspace(0, ample - 1, LOOKED_AT).astype(int)
+    if ample > 96:
+        chosen = evenly(np.arange(ample), 96)
         candidates = list(zip(first[chosen].tolist(), second[chosen].tolist(), strict=True))
     else:
-        candidates = list(islice(_spread(first, second), LOOKED_AT))
+        candidates = list(islice(_spread(first, second), 96))
     return sorted(candidates, key=lambda pair: -_parallax(frames[pair[0]], frames[pair[1]]))
 
 
@@ -152,10 +144,7 @@ def _parallax(one: Frame, other: Frame) -> float:
 def common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
     """Rows in two frames of the points that both see, ``_SAMPLE`` at the most."""
     _, at_one, at_other = np.intersect1d(one.points, other.points, return_indices=True)
-    if len(at_one) > _SAMPLE:
-        chosen = np.linspace(0, len(at_one) - 1, _SAMPLE).astype(int)
-        at_one, at_other = at_one[chosen], at_other[chosen]
-    return at_one, at_other
+    return evenly(at_one, _SAMPLE), evenly(at_other, _SAMPLE)
 
 
 def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Phrase:
@@ -172,25 +161,32 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     rays_b = frames[j].rays[at_j[result.agreeing]]
     cosine = np.einsum("ni,ni->n", rays_a, rays_b @ orientation.rotation)
     angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-    part = empty_part(points)
-    part.slack = slack
-    part.poses[i] = (np.zeros(3), np.eye(3))
-    part.poses[j] = (orientation.base, orientation.rotation)
     names: dict[str, str | int] = {"one": frames[i].name, "other": frames[j].name, "count": count}
-    part.began = rule("relative orientation of {one} and {other}, {count} points", **names)
-    if slack >= DOUBTFUL or count < MOST * len(at_i):
-        part.began = rule(
+    began = rule("relative orientation of {one} and {other}, {count} points", **names)
+    # Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet.
+    if slack >= 2e-3 or count < 0.9 * len(at_i):
+        began = rule(
             "relative orientation of {one} and {other}, {count} points (only {count} of {of} pairs of rays meet within "
             "{slack} mrad: camera constant, distortion or identities may be wrong)",
             **names,
             of=len(at_i),
             slack=f"{1e3 * slack:g}",
         )
-    part.how[frames[i].name] = part.how[frames[j].name] = part.began
+    part = _of_two(frames, (i, j), StartOrientation(orientation.base, orientation.rotation), slack, began, points)
     return count * min(angle, 0.6), part
 
 
-@remembered(_REMEMBERED)
+def _of_two(
+    frames: Sequence[Frame], pair: tuple[int, int], found: StartOrientation, slack: float, began: Phrase, points: int
+) -> Part:
+    part = empty_part(points)
+    part.slack, part.began = slack, began
+    part.poses[pair[0]], part.poses[pair[1]] = (np.zeros(3), np.eye(3)), (found.base, found.rotation)
+    part.how |= {frames[number].name: began for number in pair}
+    return part
+
+
+@remembered
 def _with_least_slack(
     a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:
@@ -230,11 +226,6 @@ def _with_least_slack(
 # Five to seven common points, points in a plane and weak pairs leave several orientations, or one of which σ does not
 # hold. Each is tried: the part that grows from it is judged by the rays that agree with it.
 
-DOUBTFUL_PAIRS_TRIED = 8
-FRAMES_TRIED = 4
-"""Frames by which a part is grown before it is judged."""
-TRUNCATION = 5.0
-"""σ from which on a ray speaks for nothing."""
 
 Grow = Callable[[Part, int], object]
 """Grows a part by a number of frames."""
@@ -251,10 +242,11 @@ def seed_doubtful(scene: Scene, among: IntArray, pairs: FramePairs, grow: Grow) 
     best: tuple[float, Part | None] = (0.0, None)
     several: list[tuple[float, Part]] = []
     ordered = by_parallax(frames, pairs.first[both], pairs.second[both], pairs.common[both])
-    for i, j in ordered[:DOUBTFUL_PAIRS_TRIED]:
+    for i, j in ordered[:8]:
         judged: list[tuple[float, Part]] = []
         for part in _candidates(scene, i, j):
-            grow(part, FRAMES_TRIED)
+            # Frames by which a part is grown before it is judged.
+            grow(part, 4)
             judged.append((support(part, scene.rays_for(part)[0]), part))
         judged.sort(key=lambda one: -one[0])
         controlled = len(common_rays(frames[i], frames[j])[0]) > FITTING_FEWEST
@@ -276,25 +268,13 @@ def _candidates(scene: Scene, i: int, j: int) -> list[Part]:
         b = direction_bundle(other.rays[at_j], loosened(other.sigma[at_j], slack))
         found = fitting_orientations(a, b)
         if found:
-            return [_part(scene, i, j, seed, slack, len(at_i), len(found)) for seed in found]
+            words = (
+                "relative orientation of {one} and {other}, {count} points, one of {of} that "
+                "fit, chosen because most rays agree with it"
+            )
+            began = rule(words, one=one.name, other=other.name, count=len(at_i), of=len(found))
+            return [_of_two(scene.frames, (i, j), seed, slack, began, scene.points) for seed in found]
     return []
-
-
-def _part(scene: Scene, i: int, j: int, seed: StartOrientation, slack: float, common: int, of: int) -> Part:
-    one, other = scene.frames[i].name, scene.frames[j].name
-    part = empty_part(scene.points)
-    part.slack = slack
-    part.poses[i], part.poses[j] = (np.zeros(3), np.eye(3)), (seed.base, seed.rotation)
-    part.began = rule(
-        "relative orientation of {one} and {other}, {count} points, one of {of} that "
-        "fit, chosen because most rays agree with it",
-        one=one,
-        other=other,
-        count=common,
-        of=of,
-    )
-    part.how[one] = part.how[other] = part.began
-    return part
 
 
 def support(part: Part, frames: Sequence[Frame]) -> float:
@@ -302,13 +282,10 @@ def support(part: Part, frames: Sequence[Frame]) -> float:
     total = 0.0
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
-        known = part.known(frame.points)
-        star = part.points[frame.points[known]] - centre
-        star[:, 2] += frame.heights[known]
-        star = star @ D.T
-        star /= np.linalg.norm(star, axis=1, keepdims=True)
-        off = np.linalg.norm(star - frame.rays[known], axis=1) / loosened(frame.sigma[known], part.slack)
-        total += float(np.sum(np.maximum(TRUNCATION**2 - off**2, 0.0)))
+        known, off = misses(part, frame, centre, D)
+        off = off / loosened(frame.sigma[known], part.slack)
+        # σ from which on a ray speaks for nothing.
+        total += float(np.sum(np.maximum(5.0**2 - off**2, 0.0)))
     return total
 
 
@@ -325,193 +302,85 @@ def seed_levelled(
     A station ``with_distances`` of its own has its scale. Of one without, the distance to another station that it
     sights is taken as one. Sets that have to find their orientation come before bearings.
     """
-    reach, meeting = _measured_from(measured), _bearings_at(measured)
-    best = None
+    lengths = (measured.slopes, measured.horizontals)
+    reach = {frozenset(ends) for one in lengths for ends in zip(one.start.tolist(), one.end.tolist(), strict=True)}
+    bearings = [end for one in measured.sights if one.oriented for end in (one.position, *one.points.tolist())]
+    meeting, stations = Counter(bearings), {one.position for one in measured.sights}
+    alone = not tried and len(measured.sights) == 1
+    best, rank, base = -1, (False, 0), 0
     for number, sight in enumerate(measured.sights):
-        if number in tried or sight.position not in unknown:
+        here, told = sight.position, np.flatnonzero(np.isfinite(sight.directions)).tolist()
+        if number in tried or here not in unknown or not told:
             continue
+        sighted = sight.points.tolist()
+        reached = {sighted[k] for k in told if frozenset((here, sighted[k])) in reach}
+        others = [k for k in told if sighted[k] in stations and sighted[k] != here]
         if sight.oriented:
-            count = _promise_of_bearing(sight, reach, meeting, with_distances)
+            # Bearings that meet at the end with fewer of them; one that nothing else meets does not make a network.
+            count, others = min(meeting[here], meeting[sighted[0]]), told
+            usable = bool(reached) if with_distances else count > 1
         else:
-            count = _promise(measured, sight, reach, with_distances, alone=not tried and len(measured.sights) == 1)
-        rank = (not sight.oriented, count)
-        if count and (best is None or rank > best[0]):
-            best = (rank, number)
-    if best is None:
+            # The only set of a network may sight a single point.
+            count = len(reached if with_distances else told)
+            usable = len(told) > (not alone) and bool(reached if with_distances else others)
+        if usable and (not sight.oriented, count) > rank:
+            best, rank, base = number, (not sight.oriented, count), others[0] if others else 0
+    if best < 0:
         return None
-    tried.add(best[1])
-    sight = measured.sights[best[1]]
+    tried.add(best)
+    sight = measured.sights[best]
     part = empty_part(points)
-    part.levelled, part.oriented = True, sight.oriented
+    part.levelled, part.oriented, part.scaled = True, sight.oriented, with_distances
     part.points[sight.position] = 0.0
-    part.kappas[best[1]] = 0.0
+    part.kappas[best] = 0.0
     part.began = rule("origin of a local system at {one}", one=sight.name)
     part.how[f"point {sight.position}"] = part.began
-    part.scaled = with_distances
     if not with_distances:
-        _unit_base(part, *_base(measured, sight))
+        point, direction = int(sight.points[base]), sight.directions[base]
+        part.points[point, :2] = [np.sin(direction), np.cos(direction)]
+        part.how[f"point {point}"] = rule("base of length one")
     return part
 
 
-def _bearings_at(measured: Terrestrial) -> Counter[int]:
-    meeting: Counter[int] = Counter()
-    for sight in measured.sights:
-        if sight.oriented:
-            meeting.update([sight.position, *sight.points.tolist()])
-    return meeting
-
-
-def _promise_of_bearing(
-    sight: LevelledSet, reach: dict[int, set[int]], meeting: Counter[int], with_distances: bool
-) -> int:
-    """Bearings that meet at the end with fewer of them; one that nothing else meets does not make a network."""
-    ends = [sight.position, int(sight.points[0])]
-    if with_distances and ends[1] not in reach.get(ends[0], set()):
-        return 0
-    count = min(meeting[end] for end in ends)
-    return count if with_distances or count > 1 else 0
-
-
-def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
-    reach: dict[int, set[int]] = {}
-    for lengths in (measured.slopes, measured.horizontals):
-        for a, b in zip(lengths.start.tolist(), lengths.end.tolist(), strict=True):
-            reach.setdefault(a, set()).add(b)
-            reach.setdefault(b, set()).add(a)
-    return reach
-
-
-def _promise(
-    measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool, alone: bool
-) -> int:
-    """Sighted points, where the set can begin a part: with distances two of them, without another station.
-
-    The only set of a network may sight one.
-    """
-    sighted = sight.points[np.isfinite(sight.directions)]
-    if len(sighted) < (1 if alone else 2):
-        return 0
-    if with_distances:
-        both = len(reach.get(sight.position, set()).intersection(sighted.tolist()))
-        return both if both > 0 else 0
-    return len(sighted) if _other_station(measured, sight) is not None else 0
-
-
-def _other_station(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float] | None:
-    stations = {other.position for other in measured.sights}
-    for point, direction in zip(sight.points.tolist(), sight.directions, strict=True):
-        if point in stations and np.isfinite(direction) and point != sight.position:
-            return point, float(direction)
-    return None
-
-
-def _base(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float]:
-    if sight.oriented:
-        return int(sight.points[0]), float(sight.directions[0])
-    other = _other_station(measured, sight)
-    assert other is not None
-    return other
-
-
-def _unit_base(part: Part, point: int, direction: float) -> None:
-    """Directions alone: another station comes at the distance one."""
-    part.points[point, :2] = [np.sin(direction), np.cos(direction)]
-    part.how[f"point {point}"] = rule("base of length one")
-
-
 # ---- Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
-
-FEWEST = 6
-"""Points that three bundles in the plane have to share: five leave nothing over that could tell shapes apart."""
-SAMPLE = 30
-"""Points and stations at the most that the shape is worked out from."""
-CLEARLY = 3.0
-"""How many times as far the rays of another shape have to pass by for it to be out of the question."""
-SIGMA = 1e-5
-"""Radians; a measure for free stations, which cancels when two shapes are compared."""
 
 
 def seed_plan(
     measured: Terrestrial, unknown: set[int], points: int, tried: set[int]
 ) -> tuple[Part | None, Phrase | None]:
     """A part of the three sets that share most points, or why there is none; ``tried`` remembers sets."""
-    sets = _largest_sets(measured, unknown, tried)
-    chosen = _best_three(measured, sets)
-    if chosen is None:
+    # The set of every unknown station that sees most, with what it read first to each point.
+    largest: dict[int, tuple[int, dict[int, float]]] = {}
+    for number, sight in enumerate(measured.sights):
+        told = np.flatnonzero(np.isfinite(sight.directions))[::-1]
+        seen = dict(zip(sight.points[told].tolist(), sight.directions[told].tolist(), strict=True))
+        asked = not sight.oriented and sight.position in unknown and number not in tried
+        if asked and len(seen) > max(2, len(largest.get(sight.position, (0, {}))[1])):
+            largest[sight.position] = number, seen
+    sets = dict(sorted(largest.values(), key=lambda one: (-len(one[1]), one[0]))[:30])
+    shared = {(i, j, k): sets[i].keys() & sets[j].keys() & sets[k].keys() for i, j, k in combinations(sets, 3)}
+    # Five points leave nothing over that could tell shapes apart.
+    enough = [three for three, points_of_all in shared.items() if len(points_of_all) >= 6]
+    if not enough:
         return None, None
+    chosen = max(enough, key=lambda three: len(shared[three]))
     tried.update(chosen)
     sights = [measured.sights[number] for number in chosen]
-    common = _common(sights)
-    shapes = three_bundles(np.array([_directions(sight, common) for sight in sights]))
-    others = [measured.sights[number] for number in sets if number not in chosen]
+    common = evenly(np.array(sorted(shared[chosen]), dtype=np.int64), 30)
+    shapes = three_bundles(np.array([[sets[number][p] for p in common.tolist()] for number in chosen]))
+    others = [seen for number, seen in sets.items() if number not in chosen]
     ranked = sorted((_misfit(shape, common, others), k) for k, shape in enumerate(shapes))
     names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
     if not ranked or not np.isfinite(ranked[0][0]):
         return None, rule(
             "directions of {one}, {two} and {three}: no solution in plan has all points in front", **names
         )
-    if len(ranked) > 1 and ranked[1][0] < CLEARLY * ranked[0][0]:
+    # How many times as far the rays of another shape have to pass by for it to be out of the question.
+    if len(ranked) > 1 and ranked[1][0] < 3.0 * ranked[0][0]:
         return None, rule("directions of {one}, {two} and {three}: two solutions in plan fit equally well", **names)
-    return _seed_plan_part(chosen, sights, common, shapes[ranked[0][1]], points), None
-
-
-def _largest_sets(measured: Terrestrial, unknown: set[int], tried: set[int]) -> list[int]:
-    """The set of every unknown station that sees most, those with most points first."""
-    largest: dict[int, tuple[int, int]] = {}
-    for number, sight in enumerate(measured.sights):
-        if sight.oriented or sight.position not in unknown or number in tried:
-            continue
-        count = int(np.isfinite(sight.directions).sum())
-        if count >= 3 and (count, -number) > largest.get(sight.position, (0, 0)):
-            largest[sight.position] = (count, -number)
-    return [-number for _, number in sorted(largest.values(), reverse=True)][:SAMPLE]
-
-
-def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | None:
-    """The three sets with most points in common, ``None`` where none share enough."""
-    seen = {number: set(_seen(measured.sights[number]).tolist()) for number in sets}
-    best = max(combinations(sets, 3), key=lambda three: len(set.intersection(*(seen[n] for n in three))), default=())
-    return best if best and len(set.intersection(*(seen[n] for n in best))) >= FEWEST else None
-
-
-def _seen(sight: LevelledSet) -> IntArray:
-    return sight.points[np.isfinite(sight.directions)]
-
-
-def _common(sights: list[LevelledSet]) -> IntArray:
-    """Points that all of them see, ``SAMPLE`` at the most."""
-    common = reduce(np.intersect1d, [_seen(sight) for sight in sights])
-    return np.asarray(common[np.linspace(0, len(common) - 1, min(len(common), SAMPLE)).astype(int)])
-
-
-def _directions(sight: LevelledSet, points: IntArray) -> FloatArray:
-    seen = np.flatnonzero(np.isfinite(sight.directions))
-    first = {int(sight.points[row]): row for row in seen[::-1].tolist()}
-    return sight.directions[[first[p] for p in points.tolist()]]
-
-
-def _misfit(shape: PlanShape, points: IntArray, others: list[LevelledSet]) -> float:
-    """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
-    worst = shape.misfit
-    for sight in others:
-        there = np.isin(points, _seen(sight))
-        if np.count_nonzero(there) < 4:
-            continue
-        directions = _directions(sight, points[there])
-        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), SIGMA, 1.0)
-        if station.outcome is StationOutcome.DOES_NOT_FIT:
-            return float("inf")
-        if station.outcome.usable:
-            worst = max(worst, SIGMA * station.sigma0)
-    return worst
-
-
-def _seed_plan_part(
-    chosen: tuple[int, ...], sights: list[LevelledSet], common: IntArray, shape: PlanShape, points: int
-) -> Part:
+    shape = shapes[ranked[0][1]]
     part = empty_part(points)
     part.levelled = True
-    names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
     part.began = rule("directions of {one}, {two} and {three} to {count} points", **names, count=len(common))
     for number, sight, place, kappa in zip(chosen, sights, shape.stations, shape.kappas, strict=True):
         part.points[sight.position, :2] = place
@@ -519,4 +388,20 @@ def _seed_plan_part(
         part.how[f"point {sight.position}"] = part.began
     part.points[common, :2] = shape.points
     part.how |= {f"point {p}": part.began for p in common.tolist()}
-    return part
+    return part, None
+
+
+def _misfit(shape: PlanShape, points: IntArray, others: list[dict[int, float]]) -> float:
+    """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
+    worst, sigma = shape.misfit, 1e-5  # radians; any, for it cancels when two shapes are compared
+    for seen in others:
+        there = np.isin(points, list(seen))
+        if np.count_nonzero(there) < 4:
+            continue
+        directions = np.array([seen[p] for p in points[there].tolist()])
+        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), sigma, 1.0)
+        if station.outcome is StationOutcome.DOES_NOT_FIT:
+            return float("inf")
+        if station.outcome.usable:
+            worst = max(worst, sigma * station.sigma0)
+    return worst

@@ -10,6 +10,7 @@ import numpy as np
 
 from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.project.network import Network
+from mor.start.bundle import evenly
 from mor.types import FloatArray, IntArray
 
 # ---- Which of several answers that fit alike is taken whenever one is asked for, and how well start values agree.
@@ -20,8 +21,6 @@ AGREES = float(np.log1p(5.0**2))
 """Mean of log(1 + (v/σ)²) of a group up to which start values agree with it: 5 σ."""
 SOUND = float(np.log1p(2.0**2))
 """The same of adjusted ones, and of those that need not be adjusted before they are judged: 2 σ."""
-BETTER = 0.1
-"""Mean of log(1 + (v/σ)²) by which start values must agree better to be taken for others."""
 SMALLER = 1e-6
 """Part of v'Pv from which on one minimum lies below another."""
 SECOND_TRIES = 4
@@ -64,19 +63,14 @@ class Choices:
             for other in range(question.answers)
             if other != question.taken
         ]
-        return [_trimmed((*before[:place], other)) for other, _, place in sorted(found)]
+        # Without the likeliest answers at its end, which are taken anyhow: the first answer is 0.
+        wanted = [(*before[:place], other) for other, _, place in sorted(found)]
+        return [one[: max((k + 1 for k, answer in enumerate(one) if answer), default=0)] for one in wanted]
 
     @property
     def open(self) -> bool:
         """True where answers fitted alike."""
         return any(question.alike for question in self.asked)
-
-
-def _trimmed(wanted: tuple[int, ...]) -> tuple[int, ...]:
-    """Without the likeliest answers at its end, which are taken anyhow."""
-    while wanted and not wanted[-1]:
-        wanted = wanted[:-1]
-    return wanted
 
 
 class Judgement(NamedTuple):
@@ -109,11 +103,12 @@ class Judgement(NamedTuple):
         Gross errors can draw good ones and bad ones to one end, from where nothing tells what is wrong: the good ones
         fit most observations as they stand.
         """
+        clearly = 0.1
         if np.isfinite(self.squares) and np.isfinite(other.squares):
             if abs(self.squares - other.squares) <= SMALLER * other.squares:
-                return self.before + BETTER < other.before
+                return self.before + clearly < other.before
             return self.squares < other.squares
-        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (other.missing, other.fit)
+        return (self.missing, self.fit + clearly * (self.missing == other.missing)) < (other.missing, other.fit)
 
 
 def likeliest(
@@ -199,13 +194,6 @@ def _of_group(group: ObservationGroup, start: Mapping[str, FloatArray]) -> tuple
 # Bearings t = atan2(ΔX, ΔY) run clockwise from +Y. A set of directions r has an orientation κ, r = t + κ.
 # Vertical directions v are positive upwards; of a zenith angle z it is v = π/2 − z. All angles in radians.
 
-POLAR_AGREES = 0.05
-"""Radians up to which sights agree: places may be rough."""
-CANDIDATES = 100
-"""Sights of which the orientation of a set may be that of one."""
-SAME = 1e-9
-"""Mean absolute differences (radians) that are the same."""
-
 
 class Orientation(NamedTuple):
     """Orientation of a set of directions."""
@@ -238,39 +226,47 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
     if not len(differences):
         return Orientation(float("nan"), differences)
     units = np.exp(1j * differences)
-    candidates = units[np.linspace(0, len(units) - 1, min(len(units), CANDIDATES)).astype(int)]
+    # Sights of which the orientation of a set may be that of one.
+    candidates = evenly(units, 100)
     apart = np.abs(np.angle(candidates[:, None] * units.conj())).sum(axis=1)
-    median = candidates[apart <= apart.min() + SAME * len(units)].mean()
-    near = np.abs(np.angle(units * np.conj(median))) <= POLAR_AGREES
+    # Mean absolute differences (radians) that are the same.
+    median = candidates[apart <= apart.min() + 1e-9 * len(units)].mean()
+    # Radians up to which sights agree: places may be rough.
+    near = np.abs(np.angle(units * np.conj(median))) <= 0.05
     kappa = float(np.angle(units[near].mean() if near.any() else median))
     return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()))
 
 
 # ---- Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical.
 
-KEYS = ("directions", "zenith_directions")
-
 
 class DirectionSet(NamedTuple):
-    """Readings of one set: horizontal and vertical directions in face one, NaN where there is none."""
+    """Directions r = t + κ read clockwise at one position, and vertical directions, in face one; NaN for none."""
 
     name: str
     position: int
     rotation: int
-    height: int
-    """Blocks of the station, its orientation and its instrument height."""
+    """Rotation block of the set, −1 for angles and bearings."""
+    oriented: bool
+    """True where κ = 0 is known: bearings."""
+    height: float
+    """Of the instrument."""
     points: IntArray
     heights: FloatArray
-    """(n,) heights of the targets."""
-    horizontal: FloatArray
-    vertical: FloatArray
-    sigma: FloatArray
-    """(n,) radians, the larger of the two."""
+    """(n,) of the targets."""
+    directions: FloatArray
+    verticals: FloatArray
+    sigma: FloatArray = np.zeros(0)
+    """(n,) radians, the larger of the two; of a set of directions."""
+    height_block: int = -1
+    """Block of the height of the instrument, of a set of directions."""
 
 
 def direction_sets(network: Network) -> list[DirectionSet]:
     """All sets of a network, in the order of their rotation blocks; rows of one set may stand in several tables."""
-    groups = [group for group in network.groups if group.type.key in KEYS and group.count]
+    groups = [
+        group for group in network.groups if group.type.key in ("directions", "zenith_directions") and group.count
+    ]
     if not groups:
         return []
     blocks = [np.concatenate([group.blocks[slot] for group in groups]).astype(np.int64) for slot in range(5)]
@@ -288,12 +284,14 @@ def direction_sets(network: Network) -> list[DirectionSet]:
                 f"station {names[rows[0]]}",
                 position,
                 rotation,
-                height,
+                False,
+                float(heights[height]),
                 blocks[3][rows],
                 heights[blocks[4][rows]],
                 readings[rows, 0],
                 readings[rows, 1],
                 sigma[rows],
+                height,
             )
         )
     return sets
@@ -334,25 +332,6 @@ def frame_verticals(network: Network) -> FloatArray:
 
 # ---- Levelled sights of a network: sets of directions, angles and bearings, and the lengths between positions.
 
-UPRIGHT = 1.0 - 1e-5
-"""Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
-
-
-class LevelledSet(NamedTuple):
-    """A levelled set at one position: directions r = t + κ clockwise, vertical directions; NaN where there is none."""
-
-    name: str
-    position: int
-    rotation: int
-    """Rotation block that gets κ, −1 for angles and bearings."""
-    oriented: bool
-    """True where κ = 0 is known: bearings."""
-    height: float
-    points: IntArray
-    heights: FloatArray
-    directions: FloatArray
-    verticals: FloatArray
-
 
 class PositionDifferences(NamedTuple):
     """Measured lengths, height differences or vectors between positions, with the heights of instrument and target."""
@@ -372,7 +351,7 @@ class PositionDifferences(NamedTuple):
 class Terrestrial(NamedTuple):
     """Everything terrestrial that start values can be taken from."""
 
-    sights: tuple[LevelledSet, ...]
+    sights: tuple[DirectionSet, ...]
     slopes: PositionDifferences
     horizontals: PositionDifferences
     height_differences: PositionDifferences
@@ -384,22 +363,8 @@ class Terrestrial(NamedTuple):
 def terrestrial(network: Network) -> Terrestrial:
     """Sights and lengths of a network."""
     up = frame_verticals(network)
-    heights = network.start["height"][:, 0]
-    sights = [
-        LevelledSet(
-            one.name,
-            one.position,
-            one.rotation,
-            False,
-            float(heights[one.height]),
-            one.points,
-            one.heights,
-            one.horizontal,
-            one.vertical,
-        )
-        for one in direction_sets(network)
-        if up[one.rotation, 2] > UPRIGHT
-    ]
+    # Levelled: the cosine of the tilt is that of 0.3 gon or less.
+    sights = [one for one in direction_sets(network) if up[one.rotation, 2] > 1.0 - 1e-5]
     for group in network.groups:
         if group.type.key == "angle":
             sights += _angles(group)
@@ -415,7 +380,7 @@ def terrestrial(network: Network) -> Terrestrial:
     )
 
 
-def _angles(group: ObservationGroup) -> list[LevelledSet]:
+def _angles(group: ObservationGroup) -> list[DirectionSet]:
     """Angles at one point, those with common legs joined to one set."""
     at, back, fore = group.blocks
     sights = []
@@ -437,7 +402,7 @@ def _angles(group: ObservationGroup) -> list[LevelledSet]:
             points = np.array(list(legs), dtype=np.int64)
             none = np.full(len(points), np.nan)
             sights.append(
-                LevelledSet(
+                DirectionSet(
                     "angles",
                     int(station),
                     -1,
@@ -452,11 +417,11 @@ def _angles(group: ObservationGroup) -> list[LevelledSet]:
     return sights
 
 
-def _bearings(group: ObservationGroup) -> list[LevelledSet]:
+def _bearings(group: ObservationGroup) -> list[DirectionSet]:
     start, start_height, end, end_height = group.blocks
     del start_height, end_height
     return [
-        LevelledSet("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
+        DirectionSet("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
         for a, b, t in zip(start, end, group.observed[:, 0], strict=True)
     ]
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from mor.model import rotations as tolerant
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, reproject, tangent_axes
-from mor.start.image_pair import AS_GOOD, PairAssessment, RobustOrientation, candidate, linear_system, result
+from mor.start.bundle import AS_GOOD, Bundle, reproject, tangent_axes
+from mor.start.image_pair import PairAssessment, RobustOrientation, candidate, linear_system, result
 from mor.start.intersection import IntersectionOutcome, intersect
 from mor.start.relative_orientation import (
     RelativeOrientation,
@@ -80,9 +80,6 @@ def auxiliary_of(a: Bundle, b: Bundle, found: RelativeOrientation) -> Auxiliary:
 # in common with the one before lie equally far from the image that both share. What follows is the bundle
 # adjustment of the free model: the first image held, the first base of length one, points eliminated. Its σ
 # are those of every result.
-
-ITERATIONS = 30
-ROUND_OFF = 1e-15
 
 
 class Chain(NamedTuple):
@@ -185,7 +182,7 @@ def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> St
     positions, rotations, chosen = start.positions, start.rotations, points[index]
     there, rays = used[:, index], [bundle.take(index) for bundle in bundles]
     damping, normals = 0.0, _normals(rays, there, (positions, rotations, chosen), start.unit)
-    for _ in range(ITERATIONS):
+    for _ in range(30):
         scale = np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
         scaled = normals.frames / np.outer(scale, scale) + damping * np.eye(len(scale))
         step = -tolerant.solve(scaled, normals.side / scale) / scale
@@ -265,7 +262,7 @@ def _normals(
         objective += float(np.sum(computed.residuals**2))
     # Make (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused.
     trace = np.einsum("nii->n", own)
-    own += np.asarray(np.where(trace > 0.0, ROUND_OFF * trace, 1.0)[:, None, None] * np.eye(3))
+    own += np.asarray(np.where(trace > 0.0, 1e-15 * trace, 1.0)[:, None, None] * np.eye(3))
     inverse = tolerant.inv(own).astype(np.float64)
     reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
     reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
@@ -300,8 +297,6 @@ def _model(
 
 SAME = 1e-5
 """Difference of positions and attitudes up to which two models are one; the first base has length one."""
-MOST = 32
-"""Combinations of the orientations of all pairs that are tried."""
 
 
 class Joined(NamedTuple):
@@ -320,7 +315,8 @@ def joined(pairs: Sequence[RobustOrientation], images: Sequence[Bundle], used: B
     options = [[pair] for pair in pairs]
     if len(pairs) > 1:
         options = [_orientations(pair, *_rays(k, pair, images)) for k, pair in enumerate(pairs)]
-    tried = [_tried(list(chosen), images, used) for chosen in islice(product(*options), MOST)]
+    # Combinations of the orientations of all pairs that are tried.
+    tried = [_tried(list(chosen), images, used) for chosen in islice(product(*options), 32)]
     order = sorted(tried, key=_misfit)
     model = order[0].model
     if model is None:

@@ -39,8 +39,7 @@ def test_the_least_minimum_is_found(scenes, length):
             continue
         from_truth = adjust_coplanarity(a, b, base, rotation)
         least = min(
-            adjust_coplanarity(a, b, *one).objective
-            for one in minima_over_directions(a, b, turn_without_base(a, b).rotation)
+            adjust_coplanarity(a, b, *one).objective for one in minima_over_directions(a, b, turn_without_base(a, b)[0])
         )
         assert least <= from_truth.objective + 1.0
         assert found.sigma0**2 * (len(a) - 5) <= from_truth.objective + 25.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mor.start.free_station import FitQuality, StationOutcome, agreeing
-from mor.start.levelled import _arcs_that_agree, _bearings_that_agree, _station_that_agrees
+from mor.start.levelled import station_that_agrees
 
 
 def drawn(seed, count):
@@ -19,14 +19,14 @@ def drawn(seed, count):
 def test_one_wrong_arc_or_bearing_is_left_out(seed):
     stations, place, bearings, lengths = drawn(seed, 6)
     lengths[2] *= 1.2
-    section, count = _arcs_that_agree(stations, lengths)
-    np.testing.assert_allclose(section.point, place, atol=1e-9)
-    assert count == 5
-    bearings = bearings + np.pi
+    missing = np.full(6, np.nan)
+    section = station_that_agrees(stations, missing, lengths, 0.05)
+    np.testing.assert_allclose(section.position, place, atol=1e-9)
+    assert len(section.residuals) == 5
     bearings[4] += 0.2
-    section, count = _bearings_that_agree(stations, bearings)
-    np.testing.assert_allclose(section.point, place, atol=1e-9)
-    assert count == 5
+    section = station_that_agrees(stations, bearings, missing, 1.0, oriented=True)
+    np.testing.assert_allclose(section.position, place, atol=1e-9)
+    assert len(section.residuals) == 5
 
 
 @pytest.mark.parametrize("measured", [False, True])
@@ -34,7 +34,7 @@ def test_one_wrong_arc_or_bearing_is_left_out(seed):
 def test_exchanged_names_do_not_turn_a_free_station(seed, measured):
     points, place, bearings, lengths = drawn(seed, 12)
     bearings[[3, 8]] = bearings[[8, 3]]
-    found = _station_that_agrees(points, bearings + 0.4, lengths if measured else np.full(12, np.nan), 0.1)
+    found = station_that_agrees(points, bearings + 0.4, lengths if measured else np.full(12, np.nan), 0.1)
     assert found.outcome is StationOutcome.DETERMINED
     np.testing.assert_allclose(found.position, place, atol=1e-8)
     assert found.kappa == pytest.approx(0.4, abs=1e-9)

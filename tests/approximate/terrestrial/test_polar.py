@@ -6,10 +6,7 @@ import pytest
 
 from mor.model.rotations import rotation_from_angles
 from mor.start.free_station import (
-    SectionOutcome,
     StationOutcome,
-    arc_section,
-    bearing_section,
     free_station_level,
     resect_directions,
 )
@@ -56,81 +53,93 @@ def test_orientation_is_a_median_on_the_circle():
     assert abs(np.angle(np.exp(1j * (orient(station, points, wrong).kappa - np.pi)))) < 5e-5
 
 
-def test_bearing_sections_meet_at_the_point():
+def by_bearings(stations, t):
+    """A point from the bearings (n,) under which it is sighted from stations (n, 2)."""
+    return free_station_level(stations, t + np.pi, np.full(len(t), np.nan), 1e-3, 1.0, oriented=True)
+
+
+def by_arcs(stations, distances, sigma=0.01):
+    """A point from its distances (n,) to stations (n, 2)."""
+    return free_station_level(stations, np.full(len(distances), np.nan), distances, 1.0, sigma)
+
+
+def test_bearings_meet_at_the_point():
     rng = np.random.default_rng(2)
     for n in (2, 3, 6):
         stations, point = rng.uniform(-50, 50, (n, 2)), rng.uniform(-50, 50, 2)
-        found = bearing_section(stations, bearing(stations, point))
-        assert found.outcome is SectionOutcome.DETERMINED
-        np.testing.assert_allclose(found.point, point, atol=1e-9)
+        found = by_bearings(stations, bearing(stations, point))
+        assert found.outcome is StationOutcome.DETERMINED
+        np.testing.assert_allclose(found.position, point, atol=1e-9)
 
 
 def test_redundant_bearings_minimise_the_angles():
     rng = np.random.default_rng(3)
     stations, point = rng.uniform(-50, 50, (5, 2)), np.array([5.0, 7.0])
     t = bearing(stations, point) + 1e-3 * rng.normal(size=5)
-    found = bearing_section(stations, t)
+    found = by_bearings(stations, t)
 
     def cost(p):
         return np.sum(np.angle(np.exp(1j * (bearing(stations, p) - t))) ** 2)
 
-    assert found.sigma0 == pytest.approx(np.sqrt(cost(found.point) / 3))
+    assert found.sigma0 == pytest.approx(1e3 * np.sqrt(cost(found.position) / 3))
     for step in ([1e-2, 0], [0, 1e-2], [-1e-2, 0], [0, -1e-2]):
-        assert cost(found.point + step) > cost(found.point)
+        assert cost(found.position + step) > cost(found.position)
 
 
 def test_bearings_that_do_not_meet_are_named():
     stations = np.array([[0, 0], [10.0, 0]])
-    assert bearing_section(stations, np.array([0.3, 0.3])).outcome is SectionOutcome.PARALLEL
-    assert bearing_section(stations, np.array([0.3, 0.3 + np.pi])).outcome is SectionOutcome.PARALLEL
-    assert bearing_section(stations, np.array([-0.3, 0.3])).outcome is SectionOutcome.BEHIND
-    assert bearing_section(stations[:1], np.array([0.1])).outcome is SectionOutcome.TOO_FEW
-    assert bearing_section(stations[[0, 0]], np.array([0.1, 0.5])).outcome is SectionOutcome.SAME_PLACE
-    assert bearing_section(stations, np.array([np.nan, 0.5])).outcome is SectionOutcome.INVALID
+    assert by_bearings(stations, np.array([0.3, 0.3])).outcome is StationOutcome.PARALLEL
+    assert by_bearings(stations, np.array([0.3, 0.3 + np.pi])).outcome is StationOutcome.PARALLEL
+    assert by_bearings(stations, np.array([-0.3, 0.3])).outcome is StationOutcome.DOES_NOT_FIT
+    assert by_bearings(stations[:1], np.array([0.1])).outcome is StationOutcome.TOO_FEW
+    assert by_bearings(stations[[0, 0]], np.array([0.1, 0.5])).outcome is StationOutcome.TOO_FEW
+    assert by_bearings(stations, np.array([np.nan, 0.5])).outcome is StationOutcome.TOO_FEW
 
 
-def test_two_arcs_leave_two_points_left_one_first():
-    found = arc_section(np.array([[0, 0], [6.0, 0]]), np.array([5.0, 5.0]))
-    assert found.outcome is SectionOutcome.AMBIGUOUS
-    np.testing.assert_allclose(found.points, [[3, 4], [3, -4]], atol=1e-12)
+def test_two_arcs_leave_two_points():
+    found = by_arcs(np.array([[0, 0], [6.0, 0]]), np.array([5.0, 5.0]))
+    assert found.outcome is StationOutcome.AMBIGUOUS
+    both = sorted([found.position.tolist(), *(place.tolist() for place, _ in found.alternatives)])
+    np.testing.assert_allclose(both, [[3, -4], [3, 4]], atol=1e-12)
 
 
 def test_a_third_arc_decides_unless_the_stations_are_in_line():
     rng = np.random.default_rng(4)
     for _ in range(20):
         stations, point = rng.uniform(-50, 50, (4, 2)), rng.uniform(-50, 50, 2)
-        found = arc_section(stations, np.linalg.norm(stations - point, axis=1))
-        assert found.outcome is SectionOutcome.DETERMINED
-        np.testing.assert_allclose(found.point, point, atol=1e-8)
+        found = by_arcs(stations, np.linalg.norm(stations - point, axis=1))
+        assert found.outcome is StationOutcome.DETERMINED
+        np.testing.assert_allclose(found.position, point, atol=1e-8)
     stations = np.array([[0, 0], [5.0, 0], [9.0, 0]])
-    found = arc_section(stations, np.linalg.norm(stations - [3.0, 4.0], axis=1))
-    assert found.outcome is SectionOutcome.AMBIGUOUS
-    np.testing.assert_allclose(np.sort(found.points[:, 1]), [-4, 4], atol=1e-9)
+    found = by_arcs(stations, np.linalg.norm(stations - [3.0, 4.0], axis=1))
+    assert found.outcome is StationOutcome.AMBIGUOUS
+    np.testing.assert_allclose(np.sort([found.position[1], found.alternatives[0][0][1]]), [-4, 4], atol=1e-9)
 
 
 def test_redundant_arcs_minimise_the_misclosures():
     rng = np.random.default_rng(8)
     stations, point = rng.uniform(-50, 50, (5, 2)), np.array([5.0, 7.0])
     d = np.linalg.norm(stations - point, axis=1) + 0.05 * rng.normal(size=5)
-    found = arc_section(stations, d)
+    found = by_arcs(stations, d, 0.05)
 
     def cost(p):
         return np.sum((np.linalg.norm(stations - p, axis=1) - d) ** 2)
 
-    assert found.outcome is SectionOutcome.DETERMINED
-    assert found.sigma0 == pytest.approx(np.sqrt(cost(found.point) / 3))
+    assert found.outcome is StationOutcome.DETERMINED
+    assert found.sigma0 == pytest.approx(20.0 * np.sqrt(cost(found.position) / 3))
     for step in ([1e-4, 0], [0, 1e-4], [-1e-4, 0], [0, -1e-4]):
-        assert cost(found.point + step) > cost(found.point)
+        assert cost(found.position + step) > cost(found.position)
 
 
 def test_arcs_that_touch_or_stay_apart_are_named():
     stations = np.array([[0, 0], [10.0, 0]])
-    assert arc_section(stations, np.array([4.0, 6.0])).outcome is SectionOutcome.TOUCHING
-    assert arc_section(stations, np.array([4.0, 5.0])).outcome is SectionOutcome.APART
-    assert arc_section(stations, np.array([20.0, 5.0])).outcome is SectionOutcome.APART
-    assert arc_section(stations, np.array([4.0, -6.0])).outcome is SectionOutcome.INVALID
-    assert arc_section(stations[[0, 0]], np.array([4.0, 6.0])).outcome is SectionOutcome.SAME_PLACE
-    assert arc_section(stations[:1], np.array([4.0])).outcome is SectionOutcome.TOO_FEW
+    touching = by_arcs(stations, np.array([4.0, 6.0]))
+    assert touching.outcome is StationOutcome.DETERMINED
+    np.testing.assert_allclose(touching.position, [4.0, 0.0], atol=1e-6)
+    for d in ([4.0, 5.0], [20.0, 5.0]):
+        assert by_arcs(stations, np.array(d)).outcome is StationOutcome.DOES_NOT_FIT
+    assert by_arcs(stations[[0, 0]], np.array([4.0, 6.0])).outcome is StationOutcome.TOO_FEW
+    assert by_arcs(stations[:1], np.array([4.0])).outcome is StationOutcome.TOO_FEW
 
 
 @pytest.mark.parametrize("seed", range(30))
