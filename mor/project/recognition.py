@@ -508,9 +508,10 @@ def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) 
     tidy, wires = _with_whole_readings(tidy)
     tidy, packed = _without_packed_angles(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
+    tidy, none = _without_zero_readings(tidy)
     tidy, alone = _with_station(tidy)
     is_encoded = cells.encoding in CODE_PAGES
-    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + packed + zeros + alone
+    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + packed + zeros + none + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
@@ -561,12 +562,18 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
             "project with world: {crs: EPSG:4326} points have columns latitude, longitude, height"
         )
         raise InputError([Message(words, str(path), line)])
+    if {"x", "y", "X", "Y"} <= set(header) and "image" not in kinds:
+        words = "x, y beside X, Y: image coordinates need a column with the name of their image"
+        raise InputError([Message(words, str(path), line)])
     if not kinds:
         known = [_columns_that_are_known(row) for row in rows[:_TITLES]]
         likely = max(range(len(known)), key=lambda k: (known[k] > 1) * known[k])  # the first row may be a title
         columns = ", ".join(c for c in map(str.strip, rows[likely]) if c and not _PLACEHOLDER.fullmatch(c))
         line = lines[max(0, len(lines) - len(rows)) + likely]
-        raise InputError([Message(f"unknown kind of table: found the columns {columns}; {_known()}", str(path), line)])
+        words = f"unknown kind of table: found the columns {columns}; {_known()}"
+        if max(known) < 2 or any(len(rows[likely]) > len(row) for row in rows[likely + 1 : likely + 2]):
+            words = f"no line has the names of the columns of a known table: write them above the values; {_known()}"
+        raise InputError([Message(words, str(path), line)])
     body, nameless = rows[has_header:], 0
     if target := next((columns["to"] for kind, columns in kinds.items() if kind in _SIGMA and "to" in columns), ""):
         place = header.index(target)
@@ -1200,6 +1207,9 @@ def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[_Block]:
     if start is None:
         return [_Block(_without_index(rows), lines)]
     found, rest, kinds = list[_Block](), list[str](), set[str]()
+    above_it = sum(sum(bool(_NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[:start])
+    if above_it:
+        rest.append(f"rows with numbers stand above the header: {counted(above_it, 'row')} not read")
     for one, end in _side_by_side(rows, start):
         cut = [tuple(_cell(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
@@ -1580,6 +1590,26 @@ def _without_zeros(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
     return (rows[0], *kept), (f"coordinates that are all 0 are none: {counted(len(bare), 'point')}",)
 
 
+def _without_zero_readings(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows without the 0 of a direction or a distance if each row has one of them: it was not measured."""
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    kinds = _kinds(_named(header))
+    pairs = []
+    for name in ("horizontal", "distance"):
+        columns = next((columns for columns in kinds.values() if name in columns), {})
+        pairs.append([header.index(columns[part]) for part in (name, "sigma") if part in columns])
+    if not all(pairs):
+        return rows, ()
+    body, zeros = list(rows[1:]), [[bool(_ZERO.fullmatch(_cell(row, pair[0]))) for pair in pairs] for row in rows[1:]]
+    counts = [sum(column) for column in zip(*zeros, strict=True)]
+    if min(counts, default=0) < 1 or sum(counts) < 3 or not all(one != other for one, other in zeros):
+        return rows, ()
+    for number, (row, zero) in enumerate(zip(rows[1:], zeros, strict=True)):
+        gone = {place for pair, none in zip(pairs, zero, strict=True) if none for place in pair}
+        body[number] = tuple("" if k in gone else cell for k, cell in enumerate(row))
+    return (rows[0], *body), (f"readings of 0 beside another reading are none: {counted(sum(counts), 'row')}",)
+
+
 def _replaced(rows: _Cells, place: int, name: str, cells: Sequence[str]) -> _Cells:
     """Rows with another name and other cells in one column; rows that are too short are filled up."""
     width = len(rows[0])
@@ -1731,8 +1761,11 @@ def _cells(path: Path, sheet: str | None) -> _File:
     text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
+    ruled = re.compile(r"(?:[-=_]{2,}|[\s;,|+])+")  # a line below a header, drawn with signs
     numbered = [
-        (k, ln) for k, ln in enumerate(text.split("\n"), start=1) if ln.strip() and not ln.startswith(("#", "%"))
+        (k, ln)
+        for k, ln in enumerate(text.split("\n"), start=1)
+        if ln.strip() and not ln.startswith(("#", "%")) and not ruled.fullmatch(ln)
     ]
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]

@@ -632,7 +632,9 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("a,b,c\n1,2,3\n", "unknown kind of table"),
+        ("a,b,c\n1,2,3\n", "no line has the names of the columns of a known table"),
+        ("n,dist\n1,2,9\nA,P1,P2\n31.1\nP1,A,0.893,15\nA,P2,9.125,20\n", "no line has the names of the columns"),
+        ("point,x,y,X,Y,Z\nP1,-86,-68,365,252,21\nP2,-53,82,376,313,7\n", "need a column with the name of their image"),
         ("1,2,3\n", "expected a header"),
         ("1;2;3,5;0.5\n2;4;3,5;0.5\n", "two names and numbers, like observations of JAG3D; expected a header"),
         ("", "expected a header"),
@@ -1453,6 +1455,33 @@ def test_columns_as_people_name_them(tmp_path: Path, text: str, kind: str, colum
     assert kind in found
     assert columns in found[kind].columns
     assert found[kind].units.get(columns) == units
+
+
+@pytest.mark.parametrize("header", ["from to dx(m) dy(m) dz(m)", "%from to dx(m) dy(m) dz(m)"])
+def test_a_header_may_be_underlined(tmp_path: Path, header: str) -> None:
+    (tmp_path / "t.txt").write_text(f"{header}\n---- -- ----- ----- -----\nA B 10.01 20.02 1.01\n")
+    (found,) = recognise(tmp_path / "t.txt")
+    assert found.kind == "vector"
+    assert found.rows == (("A", "B", "10.01", "20.02", "1.01"),)
+
+
+def test_rows_above_a_header_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("Control,,\nP,100,200\nA,150,250\n,,\nfrom,to,distance\nP,A,58.4\nA,C,115.1\n")
+    (found,) = recognise(tmp_path / "t.csv")
+    assert "rows with numbers stand above the header: 2 rows not read" in found.notes
+
+
+def test_zeros_of_what_was_not_measured(tmp_path: Path) -> None:
+    """Each row has a direction or a distance; the other one is 0, its σ too."""
+    rows = ["A;B;0;14.4;0;0.01", "A;C;0;88.9;0;0.02", "B;A;0;0;0;0.01", "A;B;229.6;0;5;0"]
+    (tmp_path / "t.csv").write_text("\n".join(["Source;Target;Distance;Direction;Sigma Dist;Sigma Dir", *rows]))
+    kinds = {table.kind: table for table in recognise(tmp_path / "t.csv")}
+    assert len(kinds["directions"].rows) == 4, "a row with both 0 says that a direction may be 0"
+    rows[2] = "B;A;0;194.4;0;0.01"
+    (tmp_path / "t.csv").write_text("\n".join(["Source;Target;Distance;Direction;Sigma Dist;Sigma Dir", *rows]))
+    kinds = {table.kind: table for table in recognise(tmp_path / "t.csv")}
+    assert [row[:2] for row in kinds["directions"].rows] == [("A", "B"), ("A", "C"), ("B", "A")]
+    assert [row[:2] for row in kinds["distance"].rows] == [("A", "B")]
 
 
 def test_readings_without_a_header_are_not_taken_for_one(tmp_path: Path) -> None:
