@@ -429,13 +429,16 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     }
     seen |= {one.camera for one in found.tie.projections if len(one.points)} if found.tie else set()
     found.posed = not other
-    rows, off, unseen = [], 0, 0
+    rows, off, unseen, slaves = [], 0, 0, 0
     for camera in _section(chunk, "cameras", "camera"):
         if "id" not in camera.attributes or "sensor_id" not in camera.attributes:
             continue
         number_, sensor = camera.attributes["id"], camera.attributes["sensor_id"]
         if sensor not in draft.data["cameras"] or camera.attributes.get("enabled", "true") in ("false", "0"):
             off += 1
+            continue
+        if camera.attributes.get("master_id", number_) != number_:
+            slaves += 1
             continue
         if seen and number_ not in seen:
             unseen += 1
@@ -451,7 +454,12 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     if rows and idle:
         draft.note(f"sensors {', '.join(idle)} have no image here: not read", chunk.line)
         draft.data["cameras"] = {k: v for k, v in draft.data["cameras"].items() if k in used}
-    for count, why in ((off, "switched off or without a sensor"), (unseen, "in which no marker is measured")):
+    reasons = (
+        (off, "switched off or without a sensor"),
+        (slaves, "of the other sensors of a rig"),
+        (unseen, "in which no marker is measured"),
+    )
+    for count, why in reasons:
         if count:
             draft.note(f"{counted(count, 'image')} {why}: not read", chunk.line)
     if other:

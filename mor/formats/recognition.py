@@ -970,6 +970,8 @@ def explain_unknown(path: Path) -> str:
         return f"this is {kind}, in no format that is read; {_TELL}"
     if not sample.text.strip():
         return "this file is empty"
+    if sample.text.lstrip().startswith("<?xml") and not sample.root:
+        return "this begins as XML, but its first element cannot be read: the file is damaged"
     said = "; ".join(f"{c.key} ({c.reason})" for c in _nearest(sample))
     return f"this is {_looks(sample)}, in no format that is read; the nearest are {said}; {_TELL}"
 
@@ -1274,7 +1276,7 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
     (
         "topcon",
         re.compile(
-            r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}\S|(?:STN|[BFS]S|[SH]D|HV) +[^\s,]+,"
+            r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}[^,]+,|(?:STN|[BFS]S|[SH]D|HV) +[^\s,]+,"
         ),
         2,
         "the records STN, JOB, UNITS",

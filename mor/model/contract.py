@@ -411,7 +411,7 @@ def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGrou
     variance = group.sigma**2
     if group.ppm:
         lengths = np.array([component.quantity.length == 1 for component in group.type.components])
-        growing = (group.ppm * 1e-6 * _distances(group, values)) ** 2
+        growing = (group.ppm * 1e-6 * lengths_of_sights(group, values)) ** 2
         variance = variance + np.where(lengths[None, :], growing[:, None], 0.0)
     return replace(group, sigma=np.sqrt(variance + _centring_variance(group, values)))
 
@@ -431,7 +431,8 @@ def _centring_variance(group: ObservationGroup, values: Values) -> FloatArray:
     return variance
 
 
-def _distances(group: ObservationGroup, values: Values) -> FloatArray:
+def lengths_of_sights(group: ObservationGroup, values: Values) -> FloatArray:
+    """Return the distances (n,) between the two ends of each row of a group that has two."""
     positions = [
         values[slot.kind][number]
         for end in group.type.distances or ()

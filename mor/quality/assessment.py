@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
+from mor.model.contract import lengths_of_sights
 from mor.model.coordinates import can_be_at_infinity, target_slot
 from mor.model.images import is_image_point
 from mor.model.parameters import move
@@ -305,7 +306,8 @@ def median_distance(adjustment: Adjustment) -> float:
     """Return the median distance of points from their median; 0 if it says nothing about the size of the network.
 
     Heights of points without plan coordinates are such a case: their differences may be smaller than their σ. If most
-    points coincide to the σ of lengths, as those of several sights to one target, it is that of the others.
+    points coincide to the σ of lengths, as those of several sights to one target, it is that of the others. It is at
+    least half the median length of sights: names for one far target make no small network.
     """
     if "point" not in adjustment.values:
         return 0.0
@@ -314,7 +316,11 @@ def median_distance(adjustment: Adjustment) -> float:
         return 0.0
     distances = _distances(adjustment)[observed]
     apart = distances[distances > _least_sigma_of_lengths(adjustment)]
-    return float(np.median(apart if 0 < 2 * len(apart) < len(distances) else distances))
+    usual = float(np.median(apart if 0 < 2 * len(apart) < len(distances) else distances))
+    sights = [
+        lengths_of_sights(group, adjustment.values) for group in adjustment.problem.groups if group.type.distances
+    ]
+    return max(usual, 0.5 * float(np.median(np.concatenate(sights)))) if sights else usual
 
 
 def _least_sigma_of_lengths(adjustment: Adjustment) -> float:

@@ -172,6 +172,15 @@ def test_sensors_without_a_calibration_and_images_without_markers(tmp_path: Path
     assert data["cameras"]["1"]["interior"]["f"] == {"fixed": "4000.0"}
 
 
+def test_other_sensors_of_a_rig_are_not_read(tmp_path: Path) -> None:
+    path = tmp_path / "cameras.xml"
+    alone = XML[: XML.index("<markers>")] + XML[XML.index("<transform><rotation>") :]
+    path.write_text(alone.replace('<camera id="1"', '<camera id="1" master_id="0"'))
+    document = read_foreign(path)
+    assert [row[:2] for row in document.data["images"][0]["rows"]] == [["a.jpg", "0"]]
+    assert "1 image of the other sensors of a rig: not read" in " ".join(map(str, document.notes))
+
+
 def test_reference_positions_of_cameras_are_observed(tmp_path: Path) -> None:
     """With σ of the file or Metashape's 10 m; yaw, pitch, roll start where there is no transform."""
     given = '<reference x="1.5" y="2" z="3" sx="0.1" sy="0.2" sz="0.3" yaw="90" pitch="30" roll="0"/>'

@@ -77,6 +77,8 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
         ("a.dat", "x\0y", "this is a binary file of an unknown kind"),
         ("a.txt", "", "this file is empty"),
         ("a.crd", "Week 1\n-----\nLOCAL GEODETIC DATUM: IGS14  EPOCH: 2018\n", "stations of the Bernese GNSS Software"),
+        ("a.xml", '<?xml version="1.0"?\n<document><chunk/></document>\n', "begins as XML, but its first element"),
+        ("heights.txt", "STN   REF   9.400\nSTN   PT2   0.200\n", "like observations of JAG3D (from, to, values)"),
         ("a.txt", "For R5|Adr 0001|TR OR.COOR|          |          |          |\n", "a Zeiss Elta file"),
         ("a.dc", "00TMSC V10-70       0   10/01/2021 13:52113111\n", "a Trimble DC file"),
         (
