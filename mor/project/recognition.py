@@ -1678,6 +1678,16 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     points = {name for table in tables for place in PLACES for name in table.texts(place) if name}
     found = [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]
     lists = [table for table in found if table.kind == "points"]
+    bare = [dict(zip(t.texts("id"), t.texts("x"), strict=True)) for t in lists if not t.has_header]
+    for number, (one, other) in enumerate(pairwise(bare)):
+        elsewhere = sum(one[name] != other[name] for name in one.keys() & other.keys())
+        if elsewhere > 2 and 2 * elsewhere > len(other):
+            path = [t.path for t in lists if not t.has_header][number + 1]
+            words = (
+                "a list without a header is read as points (name, x, y, z), but another one has the same names at "
+                "other places: write a header if these are points in images"
+            )
+            raise InputError([Message(words, str(path))])
     new = points.difference(*(table.texts("id") for table in lists))
     if not new or any(table.is_control or table.has_sigma or "x" in table.columns for table in lists):
         return found

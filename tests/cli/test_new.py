@@ -1465,6 +1465,15 @@ def test_a_header_may_be_underlined(tmp_path: Path, header: str) -> None:
     assert found.rows == (("A", "B", "10.01", "20.02", "1.01"),)
 
 
+def test_points_of_two_images_without_headers(tmp_path: Path) -> None:
+    for name, x in (("left", -93.87), ("right", -5.11)):
+        lines = ["153.84 0.011 0.002 2500", *(f"{k} {x + 9 * k} {4 * k - 9}" for k in range(12, 16))]
+        (tmp_path / f"{name}.txt").write_text("\n".join(lines))
+    outcome = mor("new", tmp_path / "p.yaml", tmp_path / "left.txt", tmp_path / "right.txt")
+    assert outcome.code == 2
+    assert "right.txt: a list without a header is read as points" in outcome.err
+
+
 def test_rows_above_a_header_are_counted(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("Control,,\nP,100,200\nA,150,250\n,,\nfrom,to,distance\nP,A,58.4\nA,C,115.1\n")
     (found,) = recognise(tmp_path / "t.csv")
