@@ -129,6 +129,7 @@ def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
         ("Occupied,Backsight,Foresight,Angle Right,Distance", "angle"),
         ("Occupied,Backsight,Foresight,Horizontal Angle,Distance", "angle"),
         ("from,to,height_diff,distance_km", "height_difference"),
+        ("PktNr;E-Koord;N-Koord;H-Koord", "points"),
         ("from,to,dh,distance", "height_difference"),
         ("from,to,dh,slope distance", "distance"),
         ("Station,BS,Foresight,Hz", "directions"),
