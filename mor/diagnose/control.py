@@ -36,6 +36,7 @@ from mor.project.network import Network
 from mor.quality.outliers import by_sights_alone, costs_at_places
 from mor.quality.plausibility import beyond_any_instrument
 from mor.quality.solution import AddedParameter
+from mor.quality.test_statistics import robust_sigma
 from mor.solve.problem import misclosures
 from mor.start.bundle import similarity
 from mor.types import BoolArray, FloatArray, IntArray
@@ -406,8 +407,7 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     As long as a σ is one that nobody has, residuals in units of others say nothing.
     """
     groups = [
-        (number, group, int(np.count_nonzero(group.mask & ~group.left_out)))
-        for number, group in enumerate(situation.network.groups)
+        (number, group, int(np.count_nonzero(group.used))) for number, group in enumerate(situation.network.groups)
     ]
     groups = [one for one in groups if one[2] >= 5]
     found = []
@@ -425,7 +425,7 @@ def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     for one in situation.scored:
         for number, group in enumerate(situation.network.groups):
             if one.cause == "sigma of a table" and one.things == (group.name,) and one.amount is not None:
-                count = int(np.count_nonzero(group.mask & ~group.left_out))
+                count = int(np.count_nonzero(group.used))
                 plain = _hypothesis(situation, number, group.name, float(f"{one.amount.value:.3g}"), count)
                 found.append(
                     replace(plain, cause="sigma of a table", parameters=1, amount=partial(_the_same, one.amount))
@@ -439,7 +439,7 @@ def _the_same(amount: AddedParameter, _values: Values) -> AddedParameter:
 
 def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
     group = situation.network.groups[number]
-    used = group.mask & ~group.left_out
+    used = group.used
     scales = list(_scales(situation, number, group, used))
     for factor in _FACTORS:
         # Factor within which residuals that are too large agree with a unit; those too small have no other reason.
@@ -454,20 +454,16 @@ def _scales(situation: Situation, number: int, group: ObservationGroup, used: Bo
     Of the latter also √(Ω/Σ r), with the residuals and redundancy numbers of the group (W. Förstner 1979): the median
     of sights so precise that all else follows them is next to nothing.
     """
-    yield _median(situation.sizes[number][used])
+    yield robust_sigma(situation.sizes[number][used])
     if situation.solution is None:
         return
     sizes = np.abs(misclosures(group, situation.solution.values) / group.given_sigma)
-    yield _median(sizes[used])
+    yield robust_sigma(sizes[used])
     if situation.redundancy_of_solution is not None:
         numbers = situation.redundancy_of_solution[number]
         known = used & np.isfinite(numbers)
         freedom = float(np.sum(numbers[known]))
         yield float(np.sqrt(np.sum(sizes[known] ** 2) / freedom)) if freedom > 0.0 else np.nan
-
-
-def _median(sizes: FloatArray) -> float:
-    return float(np.median(sizes)) / 0.6745
 
 
 def _hypothesis(situation: Situation, number: int, name: str, factor: float, count: int) -> Hypothesis:

@@ -415,7 +415,7 @@ def _system(problem: Problem, values: Values) -> tuple[FloatArray, FloatArray]:
     misclosures, derivatives = [], []
     for group in problem.groups:
         part = linearise(group, problem.index, values, tangent, slice(None))
-        weight = np.where(group.mask & ~group.left_out, 1.0 / group.sigma, 0.0)
+        weight = np.where(group.used, 1.0 / group.sigma, 0.0)
         dense = np.zeros((*part.misclosure.shape, problem.index.count + 1))  # fixed ones go to the last column
         rows = np.arange(group.count)[:, None]
         for component in range(part.misclosure.shape[1]):

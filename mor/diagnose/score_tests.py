@@ -151,7 +151,7 @@ def _explaining(
         before, after, rows = 0.0, 0.0, 0
         for number, own, change in one.parts:
             group = problem.groups[number]
-            used = (group.mask & ~group.left_out)[own]
+            used = group.used[own]
             plain, sigma = misclosures(group, values, own), group.sigma[own]
             before += float(np.sum(((plain / sigma)[used]) ** 2))
             after += float(np.sum((((plain - change[:, :, 0]) / sigma)[used]) ** 2))
@@ -282,7 +282,7 @@ def _observed_interiors(
     cameras = network.things["camera"]
     camera_of = dict(zip(cameras.parts["interior"].tolist(), cameras.ids, strict=True))
     names = [component.name for component in group.type.components]
-    for row, k in np.argwhere(flagged[:, None] & group.mask & ~group.left_out).tolist():
+    for row, k in np.argwhere(flagged[:, None] & group.used).tolist():
         name, key = camera_of.get(int(group.blocks[0][row]), ""), names[k]
         if not name or key not in ("c", "fx", "fy", *PRINCIPAL_POINT):
             continue
@@ -806,7 +806,7 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
             for g, r, c in places:
                 chosen[g][r, c] = True
     groups = quality.adjustment.problem.groups
-    used = [mask & group.mask & ~group.left_out for mask, group in zip(chosen, groups, strict=True)]
+    used = [mask & group.used for mask, group in zip(chosen, groups, strict=True)]
     return whitened_rows(quality, used)
 
 

@@ -339,10 +339,9 @@ def _gain(situation: Situation, fit: NetworkFit) -> float:
 
 
 def _before(situation: Situation, plain: Adjustment) -> Before:
-    freedom = plain.problem.observations - plain.problem.index.count + plain.defect.dimension
     objective = plain.normals.objective
     compared = objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
-    return Before(objective, compared, freedom)
+    return Before(objective, compared, plain.redundancy)
 
 
 class RejectedAdjustment(NamedTuple):

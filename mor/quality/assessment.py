@@ -117,7 +117,7 @@ def assess(
     datum = datum_transformation(adjustment)
     if levels.familywise is not None:
         levels = levels._replace(snooping=sidak(levels.familywise, problem.observations))
-    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
+    redundancy = adjustment.redundancy
     omega = adjustment.normals.objective
     sigma0 = sigma_of_unit_weight(omega, redundancy)
     groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
@@ -259,7 +259,7 @@ def sigma_of_geometry(quality: Quality) -> float:
         rows: IntArray = np.unique(np.linspace(0, group.count - 1, _SAMPLED).astype(np.int64))
         jacobians = evaluated(group, adjustment.values, rows).jacobians
         change = size * np.sqrt(sum(np.sum(jacobians[k] ** 2, axis=2) for k in slots))
-        told = (group.mask & ~group.left_out)[rows] & (change > 0.0)
+        told = group.used[rows] & (change > 0.0)
         relative.append(group.sigma[rows][told] / change[told])
     typical = np.median(np.concatenate(relative)) if relative else 0.0
     return float(min(1.0, max(quality.sigma0, _TYPICAL / typical if typical > 0.0 else 1.0)))

@@ -26,6 +26,7 @@ from mor.project.network import (
 )
 from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
+from mor.quality.test_statistics import robust_sigma
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
 from mor.solve.iterate import A_WEAK_TURN, PAST_CAMERAS, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
@@ -381,11 +382,6 @@ def _apart(network: Network, touched: set[tuple[str, str]]) -> set[tuple[str, st
 
 # ---- How well the rays of a network meet at given values, before anything is adjusted.
 
-_SAMPLE = 20_000
-"""Rays of a group that tell how well the values fit."""
-_NORMAL = 1.4826
-"""σ of normally distributed errors over the median of their sizes."""
-
 
 def misfit(network: Network, values: Values, but: IntArray) -> float:
     """Return the median distance between rays and their points in units of σ (of normal errors), at least 1.
@@ -400,11 +396,10 @@ def misfit(network: Network, values: Values, but: IntArray) -> float:
     for group in network.groups:
         if can_be_at_infinity(group.type):
             rows = np.flatnonzero(~apart[group.blocks[target_slot(group.type)]])
-            rows = rows[:: max(1, len(rows) // _SAMPLE)]
+            rows = rows[:: max(1, len(rows) // 20_000)]  # so many tell how well the values fit
             sizes.append((misclosures(group, values, rows) / group.sigma[rows]).ravel())
     sample = np.abs(np.concatenate(sizes))
-    sample = sample[np.isfinite(sample)]
-    return max(1.0, _NORMAL * float(np.median(sample))) if len(sample) else 1.0
+    return max(1.0, robust_sigma(sample[np.isfinite(sample)]))
 
 
 # ---- Whether a point at infinity has a parallax after all, when poses may give way to it: a test at the solution.

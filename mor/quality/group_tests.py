@@ -155,7 +155,7 @@ def rows_of(partition: Partition, one: int, groups: tuple[ObservationGroup, ...]
     for number, group in enumerate(groups):
         inside = np.zeros(group.observed.shape, dtype=bool)
         rows = partition.members(number, one)
-        inside[rows] = (group.mask & ~group.left_out)[rows]
+        inside[rows] = group.used[rows]
         found.append(inside)
     return found
 

@@ -25,6 +25,7 @@ from mor.quality.robust_estimation import (
     robust_scales,
     settled_weights,
 )
+from mor.quality.test_statistics import MEDIAN_OF_NORMAL, robust_sigma
 from mor.solve.inverse import normalised_misclosures
 from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem, misclosures
@@ -43,9 +44,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # the robust factor of all σ: no model is better than another for σ that are all too small. q additional
 # unknowns, the best of m alike; r is the part of the changed observations that is controlled
 # (:func:`mor.diagnose.hypothesis.controlled_part`).
-
-_MEDIAN = 0.6745
-"""Median of |x| of a standard normal x."""
 
 
 def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
@@ -67,7 +65,7 @@ def _costs_of_rows(sizes: FloatArray, count: int, most: float) -> FloatArray:
     A few that contradict each other would have any k at a place that fits none of them.
     """
     plain = np.sum(costs_of_sizes(sizes, count), axis=1)
-    factor = np.clip(np.median(sizes, axis=1) / _MEDIAN, 1.0, max(most, 1.0))
+    factor = np.clip(np.median(sizes, axis=1) / MEDIAN_OF_NORMAL, 1.0, max(most, 1.0))
     scaled = np.sum(costs_of_sizes(sizes / factor[:, None], count), axis=1)
     return np.asarray(np.minimum(plain, scaled + 2.0 * sizes.shape[1] * np.log(factor)))
 
@@ -87,11 +85,6 @@ def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:
     """Robust factor of all σ: the median of |v|/σ (n, m) by group over that of a normal distribution; 1 without any."""
     every = observed(sizes)
     return robust_sigma(every) if every.size else 1.0
-
-
-def robust_sigma(sizes: FloatArray) -> float:
-    """σ (n,) absolute deviations have by their median; 0 of none."""
-    return float(np.median(sizes)) / _MEDIAN if sizes.size else 0.0
 
 
 def price_of_gross_error(count: int) -> float:
@@ -220,7 +213,7 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
     """
     bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
     for group, size in zip(problem.groups, sizes, strict=True):
-        used = group.mask & ~group.left_out
+        used = group.used
         suspect = (used & (size > SUSPECT)).any(axis=1)
         told = np.count_nonzero(used, axis=1)
         for slot in slots_of_ends(group):
@@ -236,7 +229,7 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
 def _told_of(problem: Problem, point: int) -> list[_Observed]:
     found, left = [], _ROWS
     for group in problem.groups:
-        used = group.mask & ~group.left_out
+        used = group.used
         for slot in slots_of_ends(group):
             rows = np.flatnonzero((group.blocks[slot] == point) & used.any(axis=1))[:left]
             found += [_Observed(group, rows, slot, used[rows])] if len(rows) else []
@@ -369,8 +362,6 @@ LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
-_MANY = 3
-"""Degrees of freedom left for each that suspects take, from which the rest outvotes them beyond doubt."""
 _LEVEL = 1e-3
 """Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
@@ -445,8 +436,7 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
 
 
 def _fits_badly(adjustment: Adjustment) -> bool:
-    problem = adjustment.problem
-    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
+    redundancy = adjustment.redundancy
     return redundancy > 0 and adjustment.normals.objective > redundancy * _WORSE**2
 
 
@@ -510,7 +500,7 @@ def without_suspects(
         return other._replace(suspects=suspects)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
-    if plain.normals.objective < _FITS * _freedom(plain):
+    if plain.normals.objective < _FITS * plain.redundancy:
         return Attempt(plain)
     return _repaired(plain, settings, watch)
 
@@ -569,7 +559,7 @@ def _with_frames_put_back(problem: Problem, found: Graduated, start: Values, wat
     alone = replace(problem, index=index_unknowns(blocks))
     there = graduated_weights(alone, {**found.values, ROTATION.key: frames}, watch)
     other = settled_weights(problem, there.values, watch)
-    costs = [cost_of_residuals(one.sizes, _used(problem)) for one in (other, found)]
+    costs = [cost_of_residuals(one.sizes, problem.observations) for one in (other, found)]
     return other if costs[0] < costs[1] else found
 
 
@@ -578,7 +568,7 @@ def _contradicted_frames(problem: Problem, suspects: Sequence[BoolArray]) -> Boo
     seen, wrong = np.zeros((2, len(problem.index.columns[ROTATION.key])), dtype=np.int64)
     for group, mask in zip(problem.groups, suspects, strict=True):
         for blocks in group.blocks_of(ROTATION.key):
-            np.add.at(seen, blocks, (group.mask & ~group.left_out).any(axis=1))
+            np.add.at(seen, blocks, group.used.any(axis=1))
             np.add.at(wrong, blocks, mask.any(axis=1))
     return np.asarray(2 * wrong > seen)
 
@@ -611,8 +601,7 @@ def _attempt(
         rest = adjust(remaining, found.values, _from_near(settings), watch)
         if rest.outcome is Outcome.CONVERGED:
             if plain.outcome is Outcome.CONVERGED and not (
-                _are_gross(plain, rest)
-                and ((_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))) or not _same_place(plain, of_all()))
+                _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, of_all()))
             ):
                 break
             # True where most suspects are such for what is lost with them: that alone may be what is far off.
@@ -652,7 +641,7 @@ def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch:
 
 
 def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
-    count = _used(problem)
+    count = problem.observations
     ways = starts.costs(found.values["point"], slice(None), count)
     return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
 
@@ -686,13 +675,18 @@ def _is_minimum(again: Adjustment, plain: Adjustment) -> bool:
     return not again.normals.objective > (1.0 + _SAME) * plain.normals.objective
 
 
+def _are_few(plain: Adjustment, rest: Adjustment) -> bool:
+    """True where 3 degrees of freedom are left for each that suspects take: the rest outvotes them beyond doubt."""
+    return rest.redundancy >= 3 * (plain.redundancy - rest.redundancy)
+
+
 def _same_place(one: Adjustment, other: Adjustment) -> bool:
     objectives = one.normals.objective, other.normals.objective
     return other.outcome is Outcome.CONVERGED and abs(objectives[0] - objectives[1]) <= _SAME * objectives[0]
 
 
 def _outvoted(problem: Problem, suspects: SuspectedOutliers) -> bool:
-    used = [group.mask & ~group.left_out for group in problem.groups]
+    used = [group.used for group in problem.groups]
     return _given_points_contradicted(problem, suspects, used) or any(
         2 * np.count_nonzero(mask) > np.count_nonzero(own) for mask, own in zip(suspects.masks, used, strict=True)
     )
@@ -719,28 +713,19 @@ def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
     With normal residuals the part of vᵀPv that is left with r' of r degrees of freedom is a Beta(r'/2, (r − r')/2);
     its lower tail is told by its first term, and taken as often as there are choices of so many of all (Bonferroni).
     """
-    before, after = _freedom(plain), _freedom(rest)
+    before, after = plain.redundancy, rest.redundancy
     if after <= 0 or plain.normals.objective <= 0.0:
         return False
-    count, gone = _used(plain.problem), max(before - after, 1)
+    count, gone = plain.problem.observations, max(before - after, 1)
     a, b = 0.5 * after, 0.5 * gone
     part = max(rest.normals.objective / plain.normals.objective, 1e-300)
     choices = gammaln(count + 1) - gammaln(gone + 1) - gammaln(count - gone + 1)
     return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(_LEVEL))
 
 
-def _freedom(adjustment: Adjustment) -> int:
-    return _used(adjustment.problem) - adjustment.problem.index.count + adjustment.defect.dimension
-
-
-def _used(problem: Problem) -> int:
-    return sum(int(np.count_nonzero(group.mask & ~group.left_out)) for group in problem.groups)
-
-
 def left_out(problem: Problem, suspects: SuspectedOutliers) -> Problem:
     """The problem without the suspects; what was kept out before stays out, and lost blocks are held."""
-    kept_out = (group.left_out for group in problem.groups)
-    masks = [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)]
+    masks = [mask | out for mask, out in zip(suspects.masks, problem.left_out, strict=True)]
     return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
 
 
@@ -794,7 +779,7 @@ def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]
     needed = np.count_nonzero(columns >= 0, axis=1)
     before, left = (np.zeros(len(columns), dtype=np.int64) for _ in range(2))
     for group, mask in zip(problem.groups, masks, strict=True):
-        had = group.mask & ~group.left_out
+        had = group.used
         counts = np.count_nonzero(had, axis=1), np.count_nonzero(had & ~mask, axis=1)
         for blocks in group.blocks_of(kind):
             np.add.at(before, blocks, counts[0])
@@ -814,4 +799,4 @@ def _add_rows(problem: Problem, masks: tuple[BoolArray, ...], blocks: set[tuple[
         gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
         for group, mask in zip(problem.groups, masks, strict=True):
             for numbers in group.blocks_of(kind):
-                mask |= gone[numbers][:, None] & group.mask & ~group.left_out
+                mask |= gone[numbers][:, None] & group.used

@@ -126,7 +126,7 @@ def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray
     beyond = used & (size > _TIMES * noise) & (size > _SIGMAS * np.linalg.norm(np.nan_to_num(sigma), axis=1))
 
     def said(row: int) -> str:
-        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+        names = group.said_names(row)
         return (
             f"{group.type.name} {names}: {size[row] / (np.median(size[used]) or noise[row]):.0f} times as far from "
             "the given coordinates as the other rows of the table; check names and signs"
@@ -278,7 +278,7 @@ def contradicting_known_points(network: Network) -> Iterator[Message]:
 
 
 def _sentence(group: ObservationGroup, row: int, component: int, size: float, sigma: float) -> str:
-    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+    names = group.said_names(row)
     factor, unit = 1.0, ""
     if group.external is not None:
         outside = int(np.argmax(np.abs(group.external.transform[component])))
@@ -856,7 +856,7 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
     if effect is None or effect.in_sigma < NOTED:
         return None
     group, row = effect.group, effect.row
-    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+    names = group.said_names(row)
     quantity = group.type.components[effect.component].quantity
     millimetres = 1000.0 * network.edge.metres
     across = abs(effect.size) * millimetres * (effect.distance if quantity == ANGLE else 1.0)

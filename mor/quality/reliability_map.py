@@ -295,7 +295,7 @@ class _Table(NamedTuple):
 
 def _table(number: int, group: ObservationGroup) -> _Table:
     complete = group.mask.sum(axis=1)
-    inside = np.flatnonzero((group.mask & ~group.left_out).any(axis=1))
+    inside = np.flatnonzero(group.used.any(axis=1))
     order = inside[np.lexsort((-complete[inside], group.references[0].numbers[inside]))]
     measured = {}
     if group.type.key in OF_IMAGES:

@@ -14,6 +14,7 @@ from mor.model.contract import OUT, ObservationGroup, without
 from mor.model.images import MOTION_SLOTS, image_scale, is_image_point, on_the_sphere, stereographic
 from mor.model.parameters import Values, index_unknowns, move
 from mor.quality.assessment import Quality
+from mor.quality.test_statistics import MEDIAN_OF_NORMAL, robust_sigma
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan
 from mor.solve.iterate import Adjustment, Iteration, Watcher, adjust, counting_on
 from mor.solve.normals import Plan, eliminable_rays, make_plan, objective
@@ -69,11 +70,6 @@ def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
 # draw it to its place, and a block that fits itself beside its control points those to these. So rows are
 # judged by the median of their part as well, the larger of both.
 
-_MEDIAN = 0.6745
-"""Median of |x| of a standard normal x."""
-_FRAME = "rotation"
-"""Kind of the blocks that are frames: of an image or an instrument."""
-
 
 class Parts(NamedTuple):
     """Parts of one group: the entries that are used, and their division."""
@@ -89,26 +85,24 @@ class Parts(NamedTuple):
         for part in self.divisions:
             rows, components = np.nonzero(self.used & (part >= 0)[:, None])
             medians = medians_of_parts(part[rows], sizes[rows, components], int(part.max(initial=-1)) + 1)
-            largest = np.maximum(largest, np.append(medians, 0.0)[part] / _MEDIAN)
+            largest = np.maximum(largest, np.append(medians, 0.0)[part] / MEDIAN_OF_NORMAL)
         return largest[:, None]
 
 
 def parts_of(problem: Problem) -> tuple[Parts, ...]:
     """The parts of every group: frames, and where the network lies."""
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).any(axis=1))
-    return tuple(
-        Parts(group.mask & ~group.left_out, (frames_of(group), _tied(group, given))) for group in problem.groups
-    )
+    return tuple(Parts(group.used, (frames_of(group), _tied(group, given))) for group in problem.groups)
 
 
 def whole(problem: Problem) -> tuple[Parts, ...]:
     """Every group undivided."""
-    return tuple(Parts(group.mask & ~group.left_out, ()) for group in problem.groups)
+    return tuple(Parts(group.used, ()) for group in problem.groups)
 
 
 def frames_of(group: ObservationGroup) -> IntArray:
     """Return (n,) the frame of every row; −1 where there is none."""
-    frames = group.blocks_of(_FRAME)
+    frames = group.blocks_of("rotation")
     return np.asarray(frames[0], dtype=np.int64) if frames else np.full(group.count, -1)
 
 
@@ -285,7 +279,7 @@ def _narrowed(
         if (multiples == NARROWEST).all() and _change(factors, before) < settled:
             break
     suspects = tuple(
-        group.mask & ~group.left_out & (_joint(group, size) > REJECTED * scale)
+        group.used & (_joint(group, size) > REJECTED * scale)
         for group, size, scale in zip(problem.groups, place.sizes, scales, strict=True)
     )
     return Graduated(place.values, suspects, place.sizes, number)
@@ -293,7 +287,7 @@ def _narrowed(
 
 def _few(problem: Problem) -> BoolArray:
     """(g,) groups of so few observations that their median says nothing of them."""
-    counts = [np.count_nonzero(group.mask & ~group.left_out) for group in problem.groups]
+    counts = [np.count_nonzero(group.used) for group in problem.groups]
     return np.asarray(np.array(counts, dtype=np.int64) < _FEW)
 
 
@@ -317,11 +311,11 @@ def _joint(group: ObservationGroup, size: FloatArray) -> FloatArray:
 
 def robust_scales(problem: Problem, sizes: tuple[FloatArray, ...]) -> Scales:
     """Robust σ of every group and of all observations, from |v|/σ (n, m) of each group."""
-    used = [size[group.mask & ~group.left_out] for group, size in zip(problem.groups, sizes, strict=True)]
+    used = [size[group.used] for group, size in zip(problem.groups, sizes, strict=True)]
     every = np.concatenate([np.zeros(0), *used])
-    overall = float(np.median(every)) if every.size else 0.0
-    medians = [float(np.median(size)) if size.size >= _FEW else overall for size in used]
-    return Scales(np.maximum(np.array(medians) / _MEDIAN, 1.0), max(overall / _MEDIAN, 1.0))
+    overall = robust_sigma(every)
+    own = [robust_sigma(size) if size.size >= _FEW else overall for size in used]
+    return Scales(np.maximum(np.array(own), 1.0), max(overall, 1.0))
 
 
 def _scales(problem: Problem, sizes: tuple[FloatArray, ...], parts: tuple[Parts, ...]) -> tuple[FloatArray, ...]:

@@ -22,7 +22,7 @@ from mor.quality.outliers import (
 )
 from mor.quality.robust_estimation import exclude
 from mor.quality.test_statistics import ObservationQuality, comparable, critical_value, sidak
-from mor.solve.iterate import Adjustment, SolverSettings, Watcher, adjust
+from mor.solve.iterate import Adjustment, SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -126,7 +126,7 @@ def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
         kind: np.zeros(len(columns), dtype=np.int64) for kind, columns in problem.index.columns.items() if kind in LOCAL
     }
     for group in problem.groups:
-        taking_part = (group.mask & ~group.left_out).any(axis=1)
+        taking_part = group.used.any(axis=1)
         for slot, blocks in group.blocks_by_slot:
             if slot.kind in counts:
                 counts[slot.kind] += np.bincount(blocks[taking_part], minlength=len(counts[slot.kind]))
@@ -230,7 +230,7 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
 
     ``problem``: with nothing out that may come back. Nothing where nothing is out, or no point is elsewhere.
     """
-    kept_out = tuple(group.left_out for group in problem.groups)
+    kept_out = problem.left_out
     if "point" not in problem.index.blocks or not any(
         (mask & ~kept).any() for mask, kept in zip(out, kept_out, strict=True)
     ):
@@ -321,7 +321,6 @@ class _AssessedAdjustment(NamedTuple):
     """With nothing out but what is kept out."""
     levels: Levels
     aposteriori: bool
-    watch: Watcher | None
     quality: Quality
 
     @property
@@ -332,7 +331,9 @@ class _AssessedAdjustment(NamedTuple):
     def excluded(self) -> tuple[Excluded, ...]:
         quality = self.quality
         found: list[Excluded] = []
-        for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, self._kept_out, strict=True)):
+        for number, (group, kept) in enumerate(
+            zip(quality.adjustment.problem.groups, self.problem.left_out, strict=True)
+        ):
             out: BoolArray = group.left_out & ~kept
             rows = np.flatnonzero(out.any(axis=1))
             if not len(rows):
@@ -354,27 +355,22 @@ class _AssessedAdjustment(NamedTuple):
 
         Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
         """
-        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
+        return self._from(self.quality.adjustment.values, masks_of(self.problem.left_out, out))
 
     def elsewhere(self, out: Out) -> tuple[_AssessedAdjustment, Out] | None:
         """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
         values = self.quality.adjustment.values
-        other = other_places(self.problem, values, masks_of(self._kept_out, out))
+        other = other_places(self.problem, values, masks_of(self.problem.left_out, out))
         if other is None:
             return None
         found = self._from(other.values, other.out)
         if found is None:
             return None
         better = cost_at(self.problem, found.quality.adjustment.values) < cost_at(self.problem, values)
-        others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
-        return (found, entries_of(others)) if better else None
-
-    @property
-    def _kept_out(self) -> Masks:
-        return tuple(group.left_out for group in self.problem.groups)
+        return (found, entries_of(_but(other.out, self.problem.left_out))) if better else None
 
     def _from(self, values: Values, out: Masks) -> _AssessedAdjustment | None:
-        adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
+        adjustment = adjust(exclude(self.problem, out), values)
         if not adjustment.outcome.is_solution:
             return None
         quality = assess(adjustment, self.levels, self.aposteriori)
@@ -388,18 +384,16 @@ def snoop(
     levels: Levels,
     aposteriori: bool,
     excluded: Masks | None = None,
-    watch: Watcher | None = None,
 ) -> SnoopingResult:
     """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
-    first = _AssessedAdjustment(problem, levels, aposteriori, watch, quality)
+    first = _AssessedAdjustment(problem, levels, aposteriori, quality)
     begun, out = None, Out()
     if excluded is not None:
-        out = entries_of(tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True)))
+        out = entries_of(_but(excluded, problem.left_out))
         begun = first.without(out)
     tried, out = (begun, out) if begun is not None else (first, Out())
     tried, steps, clean = snooping_rounds(tried, out, first.redundancy)
-    kept_out = tuple(group.left_out for group in problem.groups)
-    return SnoopingResult(quality.sigma0, kept_out, tried.quality, steps, clean)
+    return SnoopingResult(quality.sigma0, problem.left_out, tried.quality, steps, clean)
 
 
 def snooping_rounds(
@@ -541,7 +535,7 @@ def put_back(
     ``assessed``: how an adjustment is assessed. What was given up with a lost block stays out.
     """
     problem, masks = with_suspects(quality.adjustment.problem, suspects)
-    kept_out = tuple(group.left_out for group in problem.groups)
+    kept_out = problem.left_out
     refused = tuple(np.zeros_like(mask) for mask in masks)
     largest = _largest_by_chance(quality, problem.observations)
 

@@ -104,8 +104,6 @@ EXPLAINED, ALWAYS_EXPLAINED = 20, 5
 worst beside the rest need not be what is wrong."""
 _LEAST_LEFT = 1.0
 """Redundancy that an effect must leave: a group that is used up by it says nothing for it."""
-_MOST_MOVEMENTS = 7
-"""Movements of a whole network: shifts, turns, scale."""
 
 
 class Explained(NamedTuple):
@@ -217,12 +215,8 @@ def determined(quality: Quality) -> Determination:
 def _chosen_only(quality: Quality) -> bool:
     """True where coordinates are held fixed, but so few that nothing controls them."""
     _, fixed = network_components(quality.adjustment.problem, quality.adjustment.values)
-    if not fixed.any() or np.count_nonzero(fixed) > _MOST_MOVEMENTS:
-        return False
-    return bool(
-        0 < int(np.count_nonzero(fixed)) <= _MOST_MOVEMENTS
-        and sum(test.freedom for test in fixed_point_tests(quality)) == 0
-    )
+    # A whole network has seven movements: shifts, turns, scale.
+    return 0 < int(np.count_nonzero(fixed)) <= 7 and not any(test.freedom for test in fixed_point_tests(quality))
 
 
 def _explained(quality: Quality, tests: GroupTests, test: GroupStatistic) -> Explained:
@@ -318,7 +312,7 @@ def treat(
     found, quality = iterated_components(quality, levels, aposteriori, wanted.component_method)
     if snooping is not None and found.settled:
         weighted = reweighted(problem, [found.of(group, k) for k, group in enumerate(problem.groups)])
-        out = tuple(group.left_out for group in quality.adjustment.problem.groups)
+        out = quality.adjustment.problem.left_out
         again = snoop(weighted, quality, levels, aposteriori, out)
         snooping = again.after(snooping)
         quality = again.quality
@@ -415,7 +409,7 @@ class Solved:
         quality, judged = self.quality, self.verdict
         if quality is None or judged is None or not quality.global_test.accepted or judged.contradicted:
             return False
-        return judged.determined is None or judged.determined.as_a_whole
+        return judged.determined.as_a_whole
 
 
 # ---- Images on a trajectory in the result: their poses and cofactors, from those of the knots.

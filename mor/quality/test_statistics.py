@@ -345,6 +345,17 @@ def _log_beta_tail(a: float, b: FloatArray, excess: FloatArray) -> FloatArray:
     return np.asarray(front + np.log(fraction))
 
 
+# ---- The σ of most observations, whatever the others are: from the median of their sizes.
+
+MEDIAN_OF_NORMAL = 0.6744897501960817
+"""Median of |x| of a standard normal x, Φ⁻¹(3/4)."""
+
+
+def robust_sigma(sizes: FloatArray) -> float:
+    """σ of normal errors whose absolute values (n,) have this median; 0 without any."""
+    return float(np.median(sizes)) / MEDIAN_OF_NORMAL if sizes.size else 0.0
+
+
 # ---- Statistical tests on the outcome: the global test and the normalised residuals.
 
 CONTROLLED = 1e-6
