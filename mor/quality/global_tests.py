@@ -17,7 +17,7 @@ from mor.quality.test_statistics import CONTROLLED, log_p_chi2, log_p_f, robust_
 from mor.solve.datum import network_components
 from mor.solve.normals import Plan
 from mor.solve.problem import cluster_rows, linearise, rotation_tangents
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Check points and check distances: what observations that were kept out say of the result.
 #
@@ -235,9 +235,8 @@ def fixed_point_tests(quality: Quality) -> list[FixedPointTest]:
     points = np.flatnonzero(fixed.any(axis=1))[:MOST]
     at_a_time = max(1, 20_000_000 // (3 * max(problem.index.count, 1)))
     tests: list[FixedPointTest] = []
-    for first in range(0, len(points), at_a_time):
-        chosen = np.zeros_like(fixed)
-        some = points[first : first + at_a_time]
+    for piece in pieces(len(points), at_a_time):
+        chosen, some = np.zeros_like(fixed), points[piece]
         chosen[some] = fixed[some]
         tests += _tests(quality, some, chosen)
     return tests

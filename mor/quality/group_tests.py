@@ -18,7 +18,7 @@ from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows, whitened_rows
 from mor.quality.test_statistics import CONTROLLED, ROWS_AT_A_TIME, log_p_chi2, log_p_f, log_p_normal, sidak
 from mor.solve.problem import Problem
-from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray, pieces
 
 # ---- Which observations belong together: by table, image, camera, station, set, instrument, local system.
 #
@@ -337,8 +337,7 @@ def _summed(quality: Quality, found: list[Partition]) -> list[Summed]:
     sums = [np.zeros((_SUMS, len(partition.names))) for partition in found]
     random = np.random.default_rng(1977)
     for number, one in enumerate(quality.groups):
-        for first in range(0, len(one.v), ROWS_AT_A_TIME):
-            rows = slice(first, first + ROWS_AT_A_TIME)
+        for rows in pieces(len(one.v), ROWS_AT_A_TIME):
             values = _of_rows(quality, number, rows, random)
             for partition, total in zip(found, sums, strict=True):
                 classes = partition.of_rows(number, rows)
@@ -504,7 +503,6 @@ def _largest(quality: Quality) -> float:
 # the n rows of a point would be at most binomial with the share of flagged rows. The thing with the smallest
 # probability is named. Without its rows the next one is looked for, as long as the family-wise level is kept.
 
-NAMED = 3
 _AT_LEAST = 2
 
 
@@ -543,7 +541,7 @@ def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagg
     counted: BoolArray = np.concatenate([np.zeros(0, bool), *(u.any(axis=1) for u in used)])
     memberships = list(_memberships(quality, network))
     found: list[CommonToFlagged] = []
-    for _ in range(NAMED):
+    for _ in range(3):
         best = _clearest(memberships, flagged & counted, counted)
         if best is None:
             break

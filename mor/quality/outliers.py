@@ -111,14 +111,6 @@ SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
 POINTS = 200
 """Points that are looked at, the most doubtful first."""
-_SHARED = 3
-"""Components of observations that may fit a point at two places."""
-_ROWS = 8
-"""Rows of a point that are put together."""
-_SINGULAR = 4.0 * float(np.finfo(np.float64).eps)
-"""Part of the largest singular value of observations below which they do not tell a direction."""
-_ENDS = ("point", "to", "from")
-"""Whose a slot is that holds a point which is observed, and no place of a frame."""
 OF_THEMSELVES = ("observed/", "coordinates", "control")
 """Types of observations that tell where a point is without seeing it."""
 
@@ -201,7 +193,8 @@ def slots_of_ends(group: ObservationGroup) -> list[int]:
     """The slots of points that a group tells of, without seeing by itself where they are."""
     if group.type.key.startswith(OF_THEMSELVES):
         return []
-    return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in _ENDS]
+    ends = ("point", "to", "from")  # of a point that is observed, and no place of a frame
+    return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in ends]
 
 
 def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()) -> list[int]:
@@ -219,7 +212,7 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
         for slot in slots_of_ends(group):
             np.add.at(bad, group.blocks[slot], np.where(suspect, told, 0))
             np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
-    in_doubt = (bad > 0) & (good <= bad + _SHARED)
+    in_doubt = (bad > 0) & (good <= bad + 3)
     in_doubt[list(but)] = False
     points = np.flatnonzero(in_doubt)
     points = points[np.argsort((good - bad)[points], kind="stable")]
@@ -227,7 +220,7 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:
-    found, left = [], _ROWS
+    found, left = [], 8  # rows of a point that are put together
     for group in problem.groups:
         used = group.used
         for slot in slots_of_ends(group):
@@ -290,7 +283,8 @@ def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few:
         rows, off = np.split(
             np.concatenate([np.dstack([jacobians, residuals]), none], axis=1)[at, few[goes_on]], [3], 2
         )
-        places[goes_on] += (rotations.pinv(rows, rcond=_SINGULAR) @ off)[:, :, 0]
+        # Observations do not tell a direction whose singular value is round-off of the largest.
+        places[goes_on] += (rotations.pinv(rows, rcond=4.0 * float(np.finfo(np.float64).eps)) @ off)[:, :, 0]
     return places
 
 
@@ -346,28 +340,12 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
-_BENT = 10.0 * _WORSE
-"""The same after the first steps of all observations, from which on no solution of them is expected to fit."""
-_FIRST_STEPS = SolverSettings(2)
-"""At most four iterations."""
-_FITS = 0.01
-"""vᵀPv by the redundancy below which no observation is a suspect: residuals are a tenth of their σ."""
-_LONG_TAILS = 1.6
-"""Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
-_TOO_SMALL = 30.0
-"""Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
-_BESIDE, _PART = 0.5, 0.1
-"""Least arc (rad) from a ray to its point on another branch of the projection; part of it that the residual may be."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
-_LEVEL = 1e-3
-"""Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
-_FROM_NEAR = 15
-"""Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
 BY_WEIGHTS = (
     "the start values lead to no solution, or to one that fits badly; "
     "all observations were adjusted again from a solution with graduated weights"
@@ -430,9 +408,11 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
     if not _fits_badly(adjustment):
         return False
     overall, problem = _overall(adjustment), adjustment.problem
-    if overall > _TOO_SMALL:
+    # Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on.
+    if overall > 30.0:
         return True
-    return overall > _WORSE and adjustment.normals.objective > problem.observations * (_LONG_TAILS * overall) ** 2
+    # Root mean square of residuals by their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them.
+    return overall > _WORSE and adjustment.normals.objective > problem.observations * (1.6 * overall) ** 2
 
 
 def _fits_badly(adjustment: Adjustment) -> bool:
@@ -452,8 +432,8 @@ def _sees_beside(adjustment: Adjustment) -> bool:
         if is_on_the_sphere(group.type):
             arc = misclosures(group, adjustment.values)
             v = misclosures(own, adjustment.values)
-            far = np.linalg.norm(arc, axis=1) > _BESIDE
-            less = np.linalg.norm(v / own.sigma, axis=1) < _PART * np.linalg.norm(arc / group.sigma, axis=1)
+            far = np.linalg.norm(arc, axis=1) > 0.5  # rad
+            less = np.linalg.norm(v / own.sigma, axis=1) < 0.1 * np.linalg.norm(arc / group.sigma, axis=1)
             if (far & less).any():
                 return True
     return False
@@ -500,7 +480,7 @@ def without_suspects(
         return other._replace(suspects=suspects)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
-    if plain.normals.objective < _FITS * plain.redundancy:
+    if plain.normals.objective < 0.01 * plain.redundancy:  # residuals are a tenth of their σ: none is a suspect
         return Attempt(plain)
     return _repaired(plain, settings, watch)
 
@@ -508,7 +488,8 @@ def without_suspects(
 def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
-    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > _HOPELESS:
+    # From a robust σ of 10⁴ σ on not even half of the observations fit, whatever is left out.
+    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > 1e4:
         return from_far()._replace(robust=found.values)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
@@ -524,10 +505,6 @@ def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     if second is None or (converged and _left_out_count(second) >= _left_out_count(first)):
         return first
     return second._replace(robust=other.values)
-
-
-_HOPELESS = 1e4
-"""Robust σ0 in terms of that a priori above which not even half of the observations fit, whatever is left out."""
 
 
 def _left_out_count(attempt: Attempt) -> int:
@@ -587,7 +564,8 @@ def _attempt(
         return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
     of_all = cache(partial(adjust, problem, found.values, most, watch))
-    if not _overall(adjust(problem, found.values, _FIRST_STEPS, watch)) > _BENT * scale:
+    # The first four iterations at most tell whether a solution of all observations may fit.
+    if not _overall(adjust(problem, found.values, SolverSettings(2), watch)) > 10.0 * _WORSE * scale:
         again = of_all()
         if _is_minimum(again, plain) and not _overall(again) > _WORSE * scale:
             return Attempt(again, note=BY_WEIGHTS)
@@ -647,7 +625,8 @@ def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
 
 
 def _from_near(settings: SolverSettings | None) -> SolverSettings:
-    return SolverSettings(min((settings or SolverSettings()).max_iterations, _FROM_NEAR))
+    """At most 15 iterations from where most observations fit: a solution, if there is one, is not far from there."""
+    return SolverSettings(min((settings or SolverSettings()).max_iterations, 15))
 
 
 def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
@@ -720,7 +699,7 @@ def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
     a, b = 0.5 * after, 0.5 * gone
     part = max(rest.normals.objective / plain.normals.objective, 1e-300)
     choices = gammaln(count + 1) - gammaln(gone + 1) - gammaln(count - gone + 1)
-    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(_LEVEL))
+    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(1e-3))
 
 
 def left_out(problem: Problem, suspects: SuspectedOutliers) -> Problem:

@@ -30,8 +30,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 _BESIDE_THE_WORST = 0.5
 """Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
-_OF_ITS_ROWS = 10
-"""One of so many rows of a frame or a point may go in a round beside others of it, so that the rest outvotes them."""
 LOCAL = ("point", "rotation", "base")
 """Kinds of blocks by which the error of one observation shows in another one."""
 
@@ -166,7 +164,8 @@ def worst_first(all_candidates: Iterable[ExclusionCandidate]) -> list[TestedEntr
         ):
             for block, rows in one.blocks.items():
                 used[block] = max(one.absorbed, used.get(block, 0.0))
-                room[block] = room.get(block, rows // _OF_ITS_ROWS) - 1
+                # One in ten rows of a frame or a point may go in a round, so that the rest outvotes them.
+                room[block] = room.get(block, rows // 10) - 1
             chosen += one.tested
     return chosen
 
@@ -211,9 +210,6 @@ def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
 # first, and what is left agrees because it can hardly do otherwise. No test of what is out against the rest can tell
 # then. All observations of such points can: where most of them have it, others are out, and less is left to explain.
 
-BEYOND_CHANCE = 2.0 * float(np.log(1000.0))
-"""What another place must cost less, that chance does not put it first at the level 0.001."""
-
 Masks = tuple[BoolArray, ...]
 """(n, m) of each group."""
 
@@ -235,7 +231,8 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
         (mask & ~kept).any() for mask, kept in zip(out, kept_out, strict=True)
     ):
         return None
-    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BEYOND_CHANCE)
+    # Another place must cost so much less that chance does not put it first at the level 0.001.
+    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=2.0 * float(np.log(1000.0)))
     # Return removed entries after points have moved: all suspects of these points, and those removed of the others.
     points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
     if not points.any():
@@ -474,9 +471,6 @@ def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
 # Where more than half of what an image, a set of directions or a point was seen by is gone, what is left may
 # be the wrong half: it agrees with itself, and no test of what was taken out against the rest can tell.
 
-_AT_LEAST = 3
-"""Observations taken out from which on something is told."""
-
 
 class TakenOut(NamedTuple):
     """A thing and its observation rows."""
@@ -489,13 +483,13 @@ class TakenOut(NamedTuple):
 
 
 def mostly_out(snooping: SnoopingResult) -> list[TakenOut]:
-    """Frames and points of which more than half of the observations were taken out."""
+    """Frames and points of which more than half of the observations were taken out, and at least three."""
     blocks = snooping.quality.adjustment.problem.index.blocks
     found = []
     for kind in ("rotation", "point"):
         if kind in blocks:
             out, whole = _counted(snooping, kind, len(blocks[kind].ids))
-            most = np.flatnonzero((2 * out > whole) & (out >= _AT_LEAST))
+            most = np.flatnonzero((2 * out > whole) & (out >= 3))
             found += [TakenOut(kind, int(b), int(out[b]), int(whole[b])) for b in most]
     return found
 
@@ -521,9 +515,6 @@ def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray,
 # residual is none that chance brings among all observations: of several that are merely unlikely, which one
 # goes out would hang on the way again. Those come back and are flagged, as in any adjustment.
 
-_ROUNDS = 8
-"""Adjustments in which suspects come back: of those that share a point only one at a time."""
-
 Assessed = Callable[[Adjustment], Quality]
 
 
@@ -544,7 +535,7 @@ def put_back(
         again = adjust(exclude(problem, out), quality.adjustment.values, settings)
         return assessed(again) if again.outcome.is_solution else None
 
-    for _ in range(_ROUNDS):
+    for _ in range(8):  # of suspects that share a point only one comes back at a time
         fitting = _putting_back_fitting(quality, problem, _but(masks, refused), largest)
         found = returned(fitting) if any(mask.any() for mask in fitting) else None
         if found is None:

@@ -49,10 +49,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Directions that are determined, but hardly: which unknowns move together, and how far.
 
-_MOST = 6
-_SHARE = 0.5
-"""Part of the variance of an unknown that must come from a weak direction for the unknown to be told."""
-
 
 class WeakDirection(NamedTuple):
     """A direction that the observations hardly determine."""
@@ -64,7 +60,10 @@ class WeakDirection(NamedTuple):
 
 
 def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[WeakDirection]:
-    """Weak directions that the datum leaves, the weakest first; without a solution those at the last values."""
+    """Weak directions that the datum leaves, the weakest first; without a solution those at the last values.
+
+    Up to six unknowns are told of each: those that have more than half of their variance from it.
+    """
     weak = adjustment.inverse.weak
     if weak.shape[1] == 0:
         return []
@@ -85,8 +84,8 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
     of_points[index.columns["point"][index.columns["point"] >= 0]] = True
     directions = []
     for k in range(weak.shape[1]):
-        moving = np.flatnonzero(share[:, k] > _SHARE)
-        told = moving[np.lexsort([-share[moving, k], of_points[moving]])][:_MOST]
+        moving = np.flatnonzero(share[:, k] > 0.5)
+        told = moving[np.lexsort([-share[moving, k], of_points[moving]])][:6]
         if len(told):
             directions.append(
                 WeakDirection(
@@ -99,9 +98,6 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
 
 # ---- What to think of an adjustment: do the observations agree, which groups contradict, is the result determined.
 
-EXPLAINED, ALWAYS_EXPLAINED = 20, 5
-"""Groups for which an explanation is looked for, at most where they reject beside all others, and in any case: what is
-worst beside the rest need not be what is wrong."""
 _LEAST_LEFT = 1.0
 """Redundancy that an effect must leave: a group that is used up by it says nothing for it."""
 
@@ -186,7 +182,8 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
     limit = float(np.log(tests.level_of_each))
     alike = tests.all_alike and fits_one_factor(quality)
     beside = sum(test.log_p_beside_rest <= limit for test in rejected)
-    looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
+    # At least five, for what is worst beside the rest need not be what is wrong; at most twenty.
+    looked_at = rejected[: min(max(beside, 5), 20)]
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
     # Two that contradict each other gain alike: round-off must not say which comes first.
     explained.sort(key=lambda one: -float(f"{one.gain:.6g}"))

@@ -55,15 +55,12 @@ def sum_of_known(shape: tuple[int, int], work: Callable[[slice], FloatArray]) ->
 
     def of_part(first: int, count: int) -> float:
         if count <= ROWS_AT_A_TIME:
-            return float(np.sum(_or_zero(work(slice(first, first + count)))))
+            values = work(slice(first, first + count))
+            return float(np.sum(np.where(np.isnan(values), 0.0, values)))
         half = (count * width // 2) // 8 * 8 // width or count // 2
         return of_part(first, half) + of_part(first + half, count - half)
 
     return of_part(0, rows)
-
-
-def _or_zero(values: FloatArray) -> FloatArray:
-    return np.where(np.isnan(values), 0.0, values)
 
 
 # ---- Quality of the observations of one group: what is kept of it, and what follows from that.
@@ -269,8 +266,6 @@ def sidak(familywise: float, tests: int) -> float:
 
 # ---- Logarithms of p-values, right also where the p-value itself is smaller than any number a computer has.
 
-_MANY = 10_000.0
-
 
 def log_p_normal(w: FloatArray) -> FloatArray:
     """ln P(|x| ≥ |w|), x standard normal."""
@@ -294,7 +289,7 @@ def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
     This is F(1, f): the regularised incomplete beta function I_x(f/2, 1/2) at x = f/(f + t²). With very many degrees
     of freedom it is the normal distribution of a transformed t (G. W. Hill, 1970, Algorithm 395), to ten digits.
     """
-    if freedom < _MANY:
+    if freedom < 10_000.0:
         return log_p_f(square, 1.0, freedom)
     a = freedom - 0.5
     b = 48.0 * a * a
