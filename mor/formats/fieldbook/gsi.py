@@ -75,10 +75,8 @@ def read_gsi(path: Path) -> Document:
     blocks = [block for line, text in records(path, draft) for block in _blocks(text, line, draft)]
     reader = _GsiReader(book, blocks)
     for block in blocks:
-        try:
+        with draft.at(block.line):
             reader.block(block)
-        except ValueError as error:
-            draft.problem(str(error), block.line)
     book.finish(path.stem)
     return draft.finish()
 
