@@ -55,12 +55,12 @@ class Draft:
     """What was left out, and why."""
 
     @contextmanager
-    def at(self, line: int) -> Iterator[None]:
-        """Report a ``ValueError`` as a problem of a line."""
+    def at(self, line: int, file: str = "", name: str = "") -> Iterator[None]:
+        """Report a ``ValueError`` as a problem of a line, which begins with the name of what stands there."""
         try:
             yield
         except ValueError as error:
-            self.problem(str(error), line)
+            self.problem(f"{name}: {error}" if name else str(error), line, file)
 
     def problem(self, message: str, line: int = 0, file: str = "") -> None:
         """A mistake at a line of the file, or of another file that belongs to it."""
