@@ -174,7 +174,7 @@ class ControlPoints(NamedTuple):
 def control_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Another unit, and exchanged axes, of every table of control."""
     tables = [control for control in control_tables(situation) if len(control.points) >= 2]
-    return [h for control in tables for h in (*_axes(situation, control), *_units(situation, control))]
+    return [h for control in tables for h in (_axes(situation, control), *_units(situation, control))]
 
 
 def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -256,11 +256,6 @@ def _table(situation: Situation, control: ControlPoints) -> tuple[str | int, ...
     return ("points", found[0]) if len(found) == 1 else None
 
 
-def _unit_edits(situation: Situation, control: ControlPoints, unit: str) -> tuple[Edit, ...]:
-    at = _table(situation, control)
-    return () if at is None else (key_edit((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
-
-
 def _axes_edits(situation: Situation, control: ControlPoints) -> tuple[Edit, ...]:
     at = _table(situation, control)
     if at is None:
@@ -277,37 +272,36 @@ def _axes_edits(situation: Situation, control: ControlPoints) -> tuple[Edit, ...
     return (KeyEdit((*at, "columns"), exchanged),)
 
 
-def _units(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
-    return [
-        Hypothesis(
+def _units(situation: Situation, control: ControlPoints) -> Iterator[Hypothesis]:
+    at = _table(situation, control)
+    for name, factor in LENGTHS.items():
+        unit = name.split()[0]
+        units = f"{{x: {unit}, y: {unit}, z: {unit}}}"
+        yield Hypothesis(
             "control unit",
             (control.label, name),
             partial(with_points, points=control.points, change=partial(np.multiply, factor)),
-            f"points, {control.label}: units: {{x: {name.split()[0]}, y: {name.split()[0]}, z: {name.split()[0]}}}",
+            f"points, {control.label}: units: {units}",
             len(LENGTHS),
             afresh=True,
             stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
             recomputed={"point": control.points},
-            edits=_unit_edits(situation, control, name.split()[0]),
+            edits=() if at is None else (key_edit((*at, "units"), units),),
         )
-        for name, factor in LENGTHS.items()
-    ]
 
 
-def _axes(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
+def _axes(situation: Situation, control: ControlPoints) -> Hypothesis:
     turn = situation.network.edge.matrix
     swap = turn @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ turn.T
-    return [
-        Hypothesis(
-            "axes exchanged",
-            (control.label,),
-            lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
-            f"points, {control.label}: columns: {{x: y, y: x}}",
-            afresh=True,
-            recomputed={"point": control.points},
-            edits=_axes_edits(situation, control),
-        )
-    ]
+    return Hypothesis(
+        "axes exchanged",
+        (control.label,),
+        lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
+        f"points, {control.label}: columns: {{x: y, y: x}}",
+        afresh=True,
+        recomputed={"point": control.points},
+        edits=_axes_edits(situation, control),
+    )
 
 
 def _exchanges(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
@@ -398,7 +392,6 @@ def _exchange(situation: Situation, control: ControlPoints, pair: tuple[int, int
 # ---- Standard deviations in another unit: those that no instrument has, and those a thousand times off the residuals.
 
 _FACTORS = (1e3, 1e-3, 1e6, 1e-6)
-_FACTOR_OF_UNITS = 1e3
 
 
 def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -415,7 +408,7 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
         beyond = beyond_any_instrument(situation.network, group)
         if beyond:  # what too small a σ says of how likely residuals are counts for nothing
             told = count if beyond < 0 else 0
-            found.append(_hypothesis(situation, number, group.name, _FACTOR_OF_UNITS**beyond, told))
+            found.append(_hypothesis(situation, number, group.name, 1e3**beyond, told))
     return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
 
 
@@ -443,7 +436,7 @@ def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hy
     scales = list(_scales(situation, number, group, used))
     for factor in _FACTORS:
         # Factor within which residuals that are too large agree with a unit; those too small have no other reason.
-        near = 4.0 if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
+        near = 4.0 if factor > 1.0 else np.sqrt(1e3)
         if any(1.0 / near < scale / factor < near for scale in scales):
             yield _hypothesis(situation, number, group.name, factor, count)
 

@@ -77,7 +77,6 @@ from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.problem import Problem, misclosures
 from mor.types import BoolArray, FloatArray
 
-OFFERED = 5
 _ABSURD, _LESS = 10.0, 0.3
 """Factor of all σ that nobody errs by, and part of it that is less."""
 _RIVAL = 0.5
@@ -195,7 +194,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
             untried += 1
             continue
         fit = tried(situation, hypothesis, scored=True)
-        trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
+        trials.append(_trial(situation, hypothesis, fit))
         if fit is not None:
             found.append(SolvedHypothesis(hypothesis, fit, 0.0, scored=True))
             done |= _explains(hypothesis, fit)
@@ -212,7 +211,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 continue
             mirrored = done and hypothesis.cause in _MIRRORED
             fit = tried(situation, hypothesis, mirrored or not done, mirrored or promised > _BY_CHANCE)
-            trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
+            trials.append(_trial(situation, hypothesis, fit))
             if fit is None:
                 continue
             found.append(SolvedHypothesis(hypothesis, fit, promised))
@@ -227,11 +226,15 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 continue
             fit = tried(situation, hypothesis, spoken_for=True)
             if fit is not None:
-                trials[number] = Trial(hypothesis, fit, _gain(situation, fit))
+                trials[number] = _trial(situation, hypothesis, fit)
                 found.append(SolvedHypothesis(hypothesis, fit, 0.0))
                 if _explains(hypothesis, fit):
                     break
     return Diagnosis(before, _offered(situation, before, found), tuple(trials), untried)
+
+
+def _trial(situation: Situation, hypothesis: Hypothesis, fit: NetworkFit | None) -> Trial:
+    return Trial(hypothesis, fit, 0.0 if fit is None else _gain(situation, fit))
 
 
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
@@ -295,7 +298,7 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             one.hypothesis.amount_at(one.fit.values),
             one is not good[0] and _are_alike(one.fit, good[0].fit),
         )
-        for one in good[:OFFERED]
+        for one in good[:5]
     )
 
 
@@ -320,8 +323,7 @@ def _are_alike(one: NetworkFit, other: NetworkFit) -> bool:
 
 def nothing_is_left(fit: NetworkFit) -> bool:
     """True where chance explains the residuals that a change leaves."""
-    p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
-    return bool(p[0] > np.log(LEVEL))
+    return bool(log_p_chi2(fit.omega, max(fit.freedom, 1)) > np.log(LEVEL))
 
 
 def _explains(hypothesis: Hypothesis, fit: NetworkFit) -> bool:

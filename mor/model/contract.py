@@ -42,6 +42,12 @@ class Names:
         texts = np.array([self.known[number] for number in used], dtype=dtype or str)
         return texts[numbers]
 
+    def rows_of_each(self) -> dict[str, IntArray]:
+        """Rows (k,) of each name, in the order in which the names come."""
+        texts, first, numbers = np.unique(np.asarray(self), return_index=True, return_inverse=True)
+        rows = np.split(np.argsort(numbers, kind="stable"), np.cumsum(np.bincount(numbers))[:-1])
+        return {str(texts[k]): rows[k] for k in np.argsort(first)}
+
     def take(self, rows: IntArray | slice) -> Names:
         """The names of some rows."""
         return Names(self.numbers[rows], self.known)

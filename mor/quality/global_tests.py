@@ -354,6 +354,5 @@ def movement_test(
     rest = redundancy - freedom
     mean = total / freedom if freedom else 0.0
     ratio = mean / ((omega - total) / rest) if rest > 0 and omega > total else np.nan
-    log_p = log_p_chi2(np.array([total]), np.array([float(max(freedom, 1))]))
-    log_estimated = log_p_f(np.array([ratio]), float(max(freedom, 1)), rest)
-    return FixedPointTest(point, movement, freedom, mean, ratio, float(log_p[0]), float(log_estimated[0]))
+    log_p = float(log_p_chi2(total, max(freedom, 1)))
+    return FixedPointTest(point, movement, freedom, mean, ratio, log_p, float(log_p_f(ratio, max(freedom, 1), rest)))

@@ -436,8 +436,8 @@ def _beside_rest(quality: Quality, test: GroupStatistic) -> float:
     if rest <= CONTROLLED or rest_omega <= 0.0:
         return 0.0
     ratio, freedom = test.omega / test.redundancy / (rest_omega / rest), test.freedom
-    above = log_p_f(np.array([ratio]), freedom, rest)[0]
-    below = log_p_f(np.array([1.0 / ratio]), rest, freedom)[0] if ratio > 0.0 else -np.inf
+    above = float(log_p_f(ratio, freedom, rest))
+    below = float(log_p_f(1.0 / ratio, rest, freedom)) if ratio > 0.0 else -np.inf
     return float(min(np.log(2.0) + min(above, below), 0.0))
 
 
@@ -493,7 +493,7 @@ def _largest(quality: Quality) -> float:
         rows = np.flatnonzero(flags.any(axis=1))
         if len(rows):
             largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
-    return float(log_p_normal(np.array([largest]))[0] + np.log(max(quality.adjustment.problem.observations, 1)))
+    return float(log_p_normal(largest) + np.log(max(quality.adjustment.problem.observations, 1)))
 
 
 # ---- What flagged observations have in common: a point, image, camera, station, set, instrument or table.

@@ -237,8 +237,7 @@ def _beside_what_is_left(effect: GroupEffect, critical: float) -> bool:
     """True where an effect is significant beside the residuals it leaves: those of a gross error have any offset."""
     if effect.redundancy < _LEAST_LEFT:
         return False
-    square = np.array([(effect.test / effect.factor) ** 2])
-    return bool(log_p_student(square, effect.redundancy)[0] < log_p_normal(np.array([critical]))[0])
+    return bool(log_p_student((effect.test / effect.factor) ** 2, effect.redundancy) < log_p_normal(critical))
 
 
 def _accepted(test: GroupStatistic, effect: GroupEffect, limit: float) -> bool:

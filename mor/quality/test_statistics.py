@@ -267,15 +267,16 @@ def sidak(familywise: float, tests: int) -> float:
 # ---- Logarithms of p-values, right also where the p-value itself is smaller than any number a computer has.
 
 
-def log_p_normal(w: FloatArray) -> FloatArray:
+def log_p_normal(w: float | FloatArray) -> FloatArray:
     """ln P(|x| ≥ |w|), x standard normal."""
     return np.asarray(np.log(2.0) + log_ndtr(-np.abs(w)))
 
 
-def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
+def log_p_chi2(square: float | FloatArray, freedom: float | FloatArray) -> FloatArray:
     """ln P(χ² ≥ ``square``); far out by the asymptotic series of the incomplete gamma function (DLMF 8.11.2)."""
+    square, freedom = np.broadcast_arrays(np.asarray(square, dtype=float), np.asarray(freedom, dtype=float))
     if (freedom[np.isfinite(square)] == 2.0).all():
-        return -0.5 * square + 0.0 * freedom
+        return np.asarray(-0.5 * square + 0.0 * freedom)
     a, x = 0.5 * freedom, 0.5 * square
     with np.errstate(divide="ignore", invalid="ignore"):
         log_p = np.log(gammaincc(a, x))
@@ -283,7 +284,7 @@ def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
     return np.where(np.isneginf(log_p) & np.isfinite(square), far, log_p)
 
 
-def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
+def log_p_student(square: float | FloatArray, freedom: float) -> FloatArray:
     """ln P(t² ≥ ``square``) for Student's t with ``freedom`` degrees of freedom; NaN without any.
 
     This is F(1, f): the regularised incomplete beta function I_x(f/2, 1/2) at x = f/(f + t²). With very many degrees
@@ -301,16 +302,16 @@ def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
 def coverage_probability(factor: float, freedom: float) -> float:
     """P(|t| ≤ ``factor``), t of Student's distribution, or normal if ``freedom`` is infinite (JCGM 100:2008, G.3)."""
     if np.isinf(freedom):
-        return float(-np.expm1(log_p_normal(np.array([factor])))[0])
-    return float(-np.expm1(log_p_student(np.array([factor**2]), freedom))[0])
+        return float(-np.expm1(log_p_normal(factor)))
+    return float(-np.expm1(log_p_student(factor**2, freedom)))
 
 
-def log_p_f(ratio: FloatArray, above: float | FloatArray, freedom: float) -> FloatArray:
+def log_p_f(ratio: float | FloatArray, above: float | FloatArray, freedom: float) -> FloatArray:
     """ln P(F ≥ ``ratio``) for F(``above``, ``freedom``)."""
     if freedom <= 0.0:
         return np.full(np.shape(ratio), np.nan)
     above = np.broadcast_to(np.asarray(above, dtype=float), np.shape(ratio))
-    square = above * ratio
+    square = np.asarray(above * ratio)
     x = freedom / (freedom + square)
     with np.errstate(divide="ignore"):
         log_p = np.log(betainc(0.5 * freedom, 0.5 * above, x))
