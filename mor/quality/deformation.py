@@ -131,7 +131,7 @@ def movement_test(d: FloatArray, q: FloatArray, variance: float, redundancy: int
     freedom = int(ranks[0])
     mean = float(totals[0]) / freedom if freedom else 0.0
     ratio = mean / variance if variance > 0.0 else np.inf
-    log_p, log_estimated = float(log_p_chi2(totals, ranks)[0]), float(log_p_f(ratio, freedom, redundancy))
+    log_p, log_estimated = float(log_p_chi2(totals, ranks.astype(float))[0]), float(log_p_f(ratio, freedom, redundancy))
     sigma = np.sqrt(variance * np.maximum(np.diagonal(q), 0.0))
     return MovementTest(d, sigma, mean, ratio, freedom, log_p, log_estimated, q)
 

@@ -281,7 +281,7 @@ def cluster_quality(
         place = part.rows[part.row], part.component
         quality[part.group].carried[place] = carried[part.entry]
         own = {name: values.ravel()[part.entry] for name, values in of_entries.items()}
-        found[part.group] = Correlated(*place, **own)
+        found[part.group] = Correlated(place[0], place[1], **own)
     return found
 
 
@@ -318,7 +318,7 @@ def row_cluster_quality(
     )
     of_row = (np.broadcast_to(values[:, None], here.shape) for values in (joint, freedom))
     of_entries = _of_entries(adjusted, precision, rotations.inv(apart), weighted, weighted_cofactors, *of_row)
-    return {number: Correlated(*place, **{name: values[here] for name, values in of_entries.items()})}
+    return {number: Correlated(place[0], place[1], **{name: values[here] for name, values in of_entries.items()})}
 
 
 def _of_entries(

@@ -20,7 +20,7 @@ from itertools import combinations, count, islice, pairwise
 from math import atan2, cos, hypot, inf, isnan, nan, pi, radians, sin, sqrt, tau
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -65,6 +65,10 @@ _MOVED = (
 _POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
 _OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
+
+
+Place: TypeAlias = tuple[float | None, float | None, float | None]
+"""East, north and height in metres; ``None`` if there is none."""
 
 
 class Sight(NamedTuple):
@@ -148,7 +152,7 @@ class FieldBook:
         station: str,
         line: int,
         height: float = 0.0,
-        place: tuple[float | None, float | None, float | None] | None = None,
+        place: Place | None = None,
         claims: bool = False,
         resection: int = 0,
     ) -> InstrumentSetUp:
@@ -181,7 +185,7 @@ class FieldBook:
         self.set_ups.append(opened)
         return opened
 
-    def _claim(self, place: tuple[float | None, float | None, float | None] | None) -> None:
+    def _claim(self, place: Place | None) -> None:
         """Let the last sights before a station record wait for it if they are those of its stationing.
 
         They are if the instrument could not compute coordinates from them, as it did at the station before, or if

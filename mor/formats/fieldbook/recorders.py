@@ -14,6 +14,7 @@ from mor.formats.fieldbook.book import (
     GNSS,
     FieldBook,
     InstrumentSetUp,
+    Place,
     Sight,
     may_be_sexagesimal,
     records,
@@ -248,8 +249,6 @@ _ALIASES = {"D": "SD", "E": "HD", "Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "L": "R"}
 """Names of Zeiss instruments."""
 _LEVELLED = {"Rb", "Rf", "Rz", "Lr", "Lv", "Lz", "HD", "E", "Z"}
 _M5_UNITS = {"gon": "gon", "grd": "gon", "grad": "gon", "deg": "deg", "m": "m"}
-_M5_NAME, _M5_WIDTH = slice(4, 12), 27
-"""Columns of the point in the field of a level, and the width from which that field has columns."""
 
 
 def read_m5(path: Path) -> Document:
@@ -343,7 +342,8 @@ class _M5Reader:
 
     def _level(self, what: str, values: dict[str, tuple[float, str]], line: int) -> None:
         """A record of a level: a staff reading, or the height of a point."""
-        name = what[_M5_NAME].strip() if len(what) >= _M5_WIDTH else "".join(what.split()[1:2])
+        # From a width of 27 on the field of a level has columns.
+        name = what[4:12].strip() if len(what) >= 27 else "".join(what.split()[1:2])
         if "####" in what:
             self.book.leave_out(REPEATED, line)
             return
@@ -420,7 +420,7 @@ class _M5Reader:
             self.book.sight(sight)
 
 
-def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | None, float | None]:
+def _place(values: dict[str, tuple[float, str]]) -> Place:
     east, north, up = (values[axis][0] if axis in values else None for axis in "YXZ")
     return east, north, up
 
@@ -449,8 +449,6 @@ _USED = {
 }
 """Keys of the values that are read, by record, besides the date DT and the time TM."""
 _RW5_ANGLE = re.compile(r",(?:A[RLZ]|D[RL]|ZE|BS|BC)\s*(\d+\.\d*[1-9])")
-_DECISIVE = 10
-"""Angles with decimals that tell degrees, minutes and seconds from gon: of as many in gon, one would not be read."""
 _RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
 _UNITS = {0: 0.3048, 1: 1.0, 2: LENGTH_UNITS["us-ft"]}
 """Metres of feet, metres, US survey feet."""
@@ -462,7 +460,8 @@ def read_rw5(path: Path) -> Document:
     reader = _RW5Reader(FieldBook(draft))
     lines = list(records(path, draft))
     angles = {angle for _, text in lines for angle in _RW5_ANGLE.findall(text)}
-    reader.may_be_gon = len(angles) < _DECISIVE or not may_be_sexagesimal(angles)
+    # Of ten angles in gon with decimals one would not be read as degrees, minutes and seconds.
+    reader.may_be_gon = len(angles) < 10 or not may_be_sexagesimal(angles)
     for line, text in lines:
         kind, _, rest = text.partition(",")
         with draft.at(line):
@@ -653,11 +652,6 @@ _LEFT_OUT = {
     "11": "reduced observations",
     "13": "notes",
 }
-_REDUCED = "observations reduced by the instrument (MC)"
-_SDR_GIVEN = ("KI", "CO")
-"""Origins of coordinates that were not computed from readings."""
-_SDR_UNITS = slice(40, 46)
-"""Columns of the digits of the units in the head."""
 _FROM_HORIZON = re.compile(r".{49}[13]2(?:[ -]|\d+\.|$)")
 """Record of an instrument whose vertical angles count from the horizon: 2 in column 51, where 1 is the zenith."""
 _METRES = {"1": 1.0, "2": 0.3048, "3": LENGTH_UNITS["us-ft"]}
@@ -732,12 +726,12 @@ class _SDRReader:
             self.height = self._length(text[4 : 4 + self.number_width]) or 0.0
         elif kind == "08":
             name, *place = self._fields(text, 1, 3)
-            add = self.book.point if origin in _SDR_GIVEN else self.book.computed_point
+            add = self.book.point if origin in ("KI", "CO") else self.book.computed_point
             add(name, *self._place(place), line)
         elif kind in ("09", "13") and origin in ("F1", "F2"):
             self._sight(text, line)
         elif kind == "09":
-            self.book.leave_out(_REDUCED, line)
+            self.book.leave_out("observations reduced by the instrument (MC)", line)
         else:
             if kind == "01":
                 self.elevations = bool(_FROM_HORIZON.match(text))
@@ -761,7 +755,7 @@ class _SDRReader:
 
     def _head(self, text: str, line: int) -> None:
         """Name and version, date, and a digit each: angles, lengths, pressure, temperature, order of coordinates."""
-        digits = text[_SDR_UNITS].strip()
+        digits = text[40:46].strip()
         if not digits.isdecimal() or len(digits) < 5:
             digits = text.rstrip()[-6:]
         if not digits.isdecimal() or len(digits) < 5:
@@ -784,7 +778,7 @@ class _SDRReader:
     def _length(self, text: str) -> float | None:
         return parse_number(text.strip()) * self.metres if text.strip() else None
 
-    def _place(self, fields: list[str]) -> tuple[float | None, float | None, float | None]:
+    def _place(self, fields: list[str]) -> Place:
         first, second, up = (self._length(text) for text in fields[:3])
         return (first, second, up) if self.east_first else (second, first, up)
 
