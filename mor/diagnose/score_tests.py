@@ -39,7 +39,7 @@ from mor.quality.outliers import SuspectedOutliers, cost_of_choice, with_suspect
 from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height
 from mor.quality.redundancy import Reliability
 from mor.quality.solution import AddedParameter, ScoredHypothesis
-from mor.quality.test_statistics import CONTROLLED, log_p_chi2
+from mor.quality.test_statistics import CONTROLLED, LEVEL, log_p_chi2
 from mor.solve.iterate import Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, evaluated, linearise, misclosures, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
@@ -47,8 +47,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-LEVEL = 1e-3
-"""Family-wise level of all score tests together."""
 OFFERED = 3
 _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""

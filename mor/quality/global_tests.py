@@ -13,7 +13,7 @@ from mor.model.contract import ObservationGroup
 from mor.model.parameters import Index, Values, index_unknowns
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows
-from mor.quality.test_statistics import CONTROLLED, log_p_chi2, log_p_f, robust_sigma
+from mor.quality.test_statistics import CONTROLLED, LEVEL, log_p_chi2, log_p_f, robust_sigma
 from mor.solve.datum import network_components
 from mor.solve.normals import Plan
 from mor.solve.problem import cluster_rows, linearise, rotation_tangents
@@ -155,7 +155,6 @@ def _forms(group: ObservationGroup, mask: BoolArray, component: int) -> list[_Fo
 # |N(0, 1)|, and that of the largest value. Both together have the level ``LEVEL`` for each table. The residuals are
 # correlated and s is estimated from them, so the tests reject true hypotheses a little less often than that.
 
-LEVEL = 1e-3
 _AT_LEAST = 5
 """Tested observations of a table from which on their distribution is judged."""
 

@@ -16,7 +16,7 @@ from mor.project.entities import Entities, thing_of
 from mor.project.network import Network
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows, whitened_rows
-from mor.quality.test_statistics import CONTROLLED, ROWS_AT_A_TIME, log_p_chi2, log_p_f, log_p_normal, sidak
+from mor.quality.test_statistics import CONTROLLED, LEVEL, ROWS_AT_A_TIME, log_p_chi2, log_p_f, log_p_normal, sidak
 from mor.solve.problem import Problem
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray, pieces
 
@@ -451,9 +451,6 @@ def rows_of_test(quality: Quality, partition: Partition, number: int) -> Whitene
 
 
 # ---- Whether anything is rejected: only then causes are looked for.
-
-LEVEL = 1e-3
-"""Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 
 
 class Rejection(Enum):

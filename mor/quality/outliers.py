@@ -25,7 +25,7 @@ from mor.quality.robust_estimation import (
     robust_scales,
     settled_weights,
 )
-from mor.quality.test_statistics import MEDIAN_OF_NORMAL, robust_sigma
+from mor.quality.test_statistics import LEVEL, MEDIAN_OF_NORMAL, robust_sigma
 from mor.solve.inverse import normalised_misclosures
 from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem, misclosures
@@ -44,6 +44,10 @@ from mor.types import BoolArray, FloatArray, IntArray
 # the robust factor of all σ: no model is better than another for σ that are all too small. q additional
 # unknowns, the best of m alike; r is the part of the changed observations that is controlled
 # (:func:`mor.diagnose.hypothesis.controlled_part`).
+
+
+BY_CHANCE = float(-2.0 * np.log(LEVEL))
+"""By how much chance may make L smaller."""
 
 
 def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
@@ -699,7 +703,7 @@ def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
     a, b = 0.5 * after, 0.5 * gone
     part = max(rest.normals.objective / plain.normals.objective, 1e-300)
     choices = gammaln(count + 1) - gammaln(gone + 1) - gammaln(count - gone + 1)
-    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(1e-3))
+    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(LEVEL))
 
 
 def left_out(problem: Problem, suspects: SuspectedOutliers) -> Problem:

@@ -20,7 +20,7 @@ from mor.project.axes import split
 from mor.project.earth import median_origin
 from mor.project.network import Network
 from mor.quality.redundancy import OF_IMAGES
-from mor.quality.test_statistics import critical_value, sidak
+from mor.quality.test_statistics import LEVEL, critical_value, sidak
 from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.units import ANGLE
@@ -234,10 +234,7 @@ def _again(group: ObservationGroup, before: dict[int, int]):  # type: ignore[no-
 # Where everything an observation refers to is fixed, or observed itself with a σ, observed − computed is a
 # misclosure with the variance σ² + J Σ Jᵀ of the observation and the known values. A set of horizontal
 # directions has its orientation besides, taken as the median of the misclosures of its known targets. All
-# misclosures together are tested with one level.
-
-LEVEL = 0.001
-"""Of all misclosures of a kind together: a note is something to go and look at."""
+# misclosures of a kind together are tested with one level.
 
 
 class Misclosures(NamedTuple):

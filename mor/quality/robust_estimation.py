@@ -14,7 +14,7 @@ from mor.model.contract import OUT, ObservationGroup, without
 from mor.model.images import MOTION_SLOTS, image_scale, is_image_point, on_the_sphere, stereographic
 from mor.model.parameters import Values, index_unknowns, move
 from mor.quality.assessment import Quality
-from mor.quality.test_statistics import MEDIAN_OF_NORMAL, critical_value, robust_sigma
+from mor.quality.test_statistics import LEVEL, MEDIAN_OF_NORMAL, critical_value, robust_sigma
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan
 from mor.solve.iterate import Adjustment, Iteration, Watcher, adjust, counting_on
 from mor.solve.normals import Plan, eliminable_rays, make_plan, objective
@@ -277,7 +277,7 @@ def _narrowed(
             watch(Iteration(number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0)))
         if (multiples == NARROWEST).all() and _change(factors, before) < settled:
             break
-    rejected = critical_value(0.001)
+    rejected = critical_value(LEVEL)
     suspects = tuple(
         group.used & (_joint(group, size) > rejected * scale)
         for group, size, scale in zip(problem.groups, place.sizes, scales, strict=True)

@@ -12,6 +12,7 @@ from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.quality.assessment import Levels, Quality, assess, is_complete
 from mor.quality.outliers import (
+    BY_CHANCE,
     SUSPECT,
     SuspectedOutliers,
     cost_of_residuals,
@@ -231,8 +232,7 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
         (mask & ~kept).any() for mask, kept in zip(out, kept_out, strict=True)
     ):
         return None
-    # Another place must cost so much less that chance does not put it first at the level 0.001.
-    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=2.0 * float(np.log(1000.0)))
+    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BY_CHANCE)
     # Return removed entries after points have moved: all suspects of these points, and those removed of the others.
     points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
     if not points.any():

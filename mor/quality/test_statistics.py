@@ -259,6 +259,11 @@ def chi2_level(freedom: float, ncp: float, power: float) -> Limit:
     return Limit(critical, float(chdtrc(freedom, critical)))
 
 
+LEVEL = 1e-3
+"""Of every question beside the tests that the project asks for: is anything rejected, is a hypothesis better than none,
+does a note on the input say more than chance."""
+
+
 def sidak(familywise: float, tests: int) -> float:
     """Level of each of n independent tests of which, together, one rejects by mistake with ``familywise``."""
     return float(-np.expm1(np.log1p(-familywise) / max(tests, 1)))
