@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import reduce
 from typing import Any, TypeAlias
 
@@ -26,6 +27,12 @@ def ranges(starts: IntArray, lengths: IntArray) -> IntArray:
     """Concatenation of ``arange(starts[i], starts[i] + lengths[i])``."""
     before = np.cumsum(lengths) - lengths
     return (np.repeat(starts - before, lengths) + np.arange(int(lengths.sum()))).astype(np.int64)
+
+
+def pieces(count: int, at_a_time: int) -> Iterator[slice]:
+    """Slices of so many of ``count`` rows at a time."""
+    for first in range(0, count, at_a_time):
+        yield slice(first, first + at_a_time)
 
 
 def across(combine: np.ufunc, rows: NDArray[Any]) -> NDArray[Any]:

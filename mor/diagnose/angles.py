@@ -107,15 +107,14 @@ def _sets(situation: Situation, number: int, group: ObservationGroup) -> Iterato
     """The whole group, which may fit a mirrored place of its stations, and the rows of each station that fit badly."""
     bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
     yield (group.name,), np.arange(group.count)
-    stations = np.array(list(group.references[0]))
-    names = list(dict.fromkeys(stations.tolist()))
-    shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
+    rows_of = group.references[0].rows_of_each()
+    shares = {name: float(bad[rows].mean()) for name, rows in rows_of.items() if len(rows) > 1}
     worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
     causes = ("circle sense", "circle unit", "elevation for zenith")
     scored = [name for one in situation.scored if one.cause in causes for name in one.things if name in shares]
     # Stations of a group that are looked at, the worst first.
-    for name in dict.fromkeys([*scored, *worst[:3]]) if len(names) > 1 else []:
-        yield (name, group.name), np.flatnonzero(stations == name)
+    for name in dict.fromkeys([*scored, *worst[:3]]) if len(rows_of) > 1 else []:
+        yield (name, group.name), rows_of[name]
 
 
 def _of_rows(
@@ -247,11 +246,8 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
     column = group.type.turns[0]
     full = 2.0 * np.pi / ANGLE_UNITS[_given_unit(situation.network, group)]
     misclosure = np.nan_to_num(misclosures(group, situation.values)[:, column])
-    stations = np.array(list(group.references[0]))
-    for name in dict.fromkeys(stations.tolist()):
-        here = np.flatnonzero(stations == name)
-        middle = _middle(misclosure[here])
-        off = here[np.abs(wrap(misclosure[here] - middle)) > 0.75 * np.pi]
+    for name, here in group.references[0].rows_of_each().items():
+        off = here[np.abs(wrap(misclosure[here] - middle_of(misclosure[here]))) > 0.75 * np.pi]
         if 0 < len(off) < len(here):
             yield Hypothesis(
                 "face",
@@ -270,9 +266,11 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
             )
 
 
-def _middle(angles: FloatArray) -> float:
-    near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
-    return float(angles[int(np.argmin(near))])
+def middle_of(angles: FloatArray) -> float:
+    """The one of some angles (k,) that is nearest to all others; of many it is looked for among 500 to 1000."""
+    some = angles[:: max(len(angles) // 500, 1)]
+    near = np.abs(wrap(some[:, None] - some[None, :])).sum(axis=1)
+    return float(some[int(np.argmin(near))])
 
 
 # ---- Whole set-ups and images mixed up: two instruments whose places were exchanged, two images whose names were.
@@ -312,14 +310,21 @@ def _exchanged_images(situation: Situation, pair: tuple[str, str], candidates: i
     network, edits = situation.network, tuple[Edit, ...]()
     for number, group in enumerate(network.groups):
         if is_image_point(group.type):
-            column = np.array(list(group.references[0]))
-            for name, other in (pair, pair[::-1]):
-                rows = np.flatnonzero(column == name).tolist()
-                edits += cells(network, number, rows, "image", to(other))
+            edits += _renamed(network, number, pair)
     return _hypothesis_of_frame("images exchanged", pair, "image", candidates, edits, situation)
 
 
-def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int = ALL) -> Network:
+def _renamed(network: Network, number: int, pair: tuple[str, str]) -> tuple[Edit, ...]:
+    """Edits that exchange two images or stations in the rows of a table."""
+    group, edits = network.groups[number], tuple[Edit, ...]()
+    names = np.asarray(group.references[0])
+    for name, other in (pair, pair[::-1]):
+        rows = np.flatnonzero(names == name).tolist()
+        edits += cells(network, number, rows, group.type.references[0].name, to(other))
+    return edits
+
+
+def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int) -> Network:
     """Return the network with the blocks of two frames exchanged in all their rows, or in those of one table.
 
     ``of`` is ``station``, whose positions are exchanged (and rotations and heights where it is the names in one table),
@@ -331,7 +336,7 @@ def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int
         blocks, changed = list(group.blocks), False
         for slot in _slots(group, of, only != ALL):
             column = group.column(group.type.slots[slot].of)
-            names = np.array(list(column))
+            names = np.asarray(column)
             rows = [np.flatnonzero(names == name) for name in pair]
             known = _blocks_of(network, pair, of, group.type.slots[slot].part)
             if known is None:
@@ -379,18 +384,11 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
     best = _best(situation, [(pair, only) for pair in pairs for only in variants], "station")
     found = []
     for pair, only in best:
-        if only != ALL:
-            group = network.groups[only]
-            column = np.array(list(group.references[0]))
-            booked: tuple[Edit, ...] = ()
-            for name, other in (pair, pair[::-1]):
-                rows = np.flatnonzero(column == name).tolist()
-                booked += cells(network, only, rows, group.type.references[0].name, to(other))
-            found.append(
-                _hypothesis_of_frame("set-ups exchanged", pair, "station", len(pairs), booked, situation, only)
-            )
-            continue
-        found.append(_exchanged_stations(situation, pair, len(pairs)))
+        if only == ALL:
+            found.append(_exchanged_stations(situation, pair, len(pairs)))
+        else:
+            edits = _renamed(network, only, pair)
+            found.append(_hypothesis_of_frame("set-ups exchanged", pair, "station", len(pairs), edits, situation, only))
     return found
 
 
@@ -466,11 +464,10 @@ def _cost(situation: Situation, network: Network, values: Values) -> float:
         with np.errstate(all="ignore"):
             misclosure = misclosures(group, values)
         if group.type.turns and group.type.references[0].name == "station":
-            column, stations = group.type.turns[0], np.array(list(group.references[0]))
-            for name in dict.fromkeys(stations.tolist()):
-                own: IntArray = np.flatnonzero(stations == name)
+            column = group.type.turns[0]
+            for own in group.references[0].rows_of_each().values():
                 angles = np.nan_to_num(misclosure[own, column])
-                misclosure[own, column] = wrap(angles - _middle(angles))
+                misclosure[own, column] = wrap(angles - middle_of(angles))
         sizes = np.abs(misclosure / group.given_sigma)[group.mask]
         cost += float(np.sum(costs_of_sizes(np.nan_to_num(sizes, nan=1e30, posinf=1e30), situation.count)))
     return cost

@@ -36,6 +36,7 @@ from mor.project.network import Network
 from mor.quality.outliers import by_sights_alone, costs_at_places
 from mor.quality.plausibility import beyond_any_instrument
 from mor.quality.solution import AddedParameter
+from mor.quality.test_statistics import robust_sigma
 from mor.solve.problem import misclosures
 from mor.start.bundle import similarity
 from mor.types import BoolArray, FloatArray, IntArray
@@ -173,7 +174,7 @@ class ControlPoints(NamedTuple):
 def control_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Another unit, and exchanged axes, of every table of control."""
     tables = [control for control in control_tables(situation) if len(control.points) >= 2]
-    return [h for control in tables for h in (*_axes(situation, control), *_units(situation, control))]
+    return [h for control in tables for h in (_axes(situation, control), *_units(situation, control))]
 
 
 def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -255,11 +256,6 @@ def _table(situation: Situation, control: ControlPoints) -> tuple[str | int, ...
     return ("points", found[0]) if len(found) == 1 else None
 
 
-def _unit_edits(situation: Situation, control: ControlPoints, unit: str) -> tuple[Edit, ...]:
-    at = _table(situation, control)
-    return () if at is None else (key_edit((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
-
-
 def _axes_edits(situation: Situation, control: ControlPoints) -> tuple[Edit, ...]:
     at = _table(situation, control)
     if at is None:
@@ -276,37 +272,36 @@ def _axes_edits(situation: Situation, control: ControlPoints) -> tuple[Edit, ...
     return (KeyEdit((*at, "columns"), exchanged),)
 
 
-def _units(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
-    return [
-        Hypothesis(
+def _units(situation: Situation, control: ControlPoints) -> Iterator[Hypothesis]:
+    at = _table(situation, control)
+    for name, factor in LENGTHS.items():
+        unit = name.split()[0]
+        units = f"{{x: {unit}, y: {unit}, z: {unit}}}"
+        yield Hypothesis(
             "control unit",
             (control.label, name),
             partial(with_points, points=control.points, change=partial(np.multiply, factor)),
-            f"points, {control.label}: units: {{x: {name.split()[0]}, y: {name.split()[0]}, z: {name.split()[0]}}}",
+            f"points, {control.label}: units: {units}",
             len(LENGTHS),
             afresh=True,
             stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
             recomputed={"point": control.points},
-            edits=_unit_edits(situation, control, name.split()[0]),
+            edits=() if at is None else (key_edit((*at, "units"), units),),
         )
-        for name, factor in LENGTHS.items()
-    ]
 
 
-def _axes(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
+def _axes(situation: Situation, control: ControlPoints) -> Hypothesis:
     turn = situation.network.edge.matrix
     swap = turn @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ turn.T
-    return [
-        Hypothesis(
-            "axes exchanged",
-            (control.label,),
-            lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
-            f"points, {control.label}: columns: {{x: y, y: x}}",
-            afresh=True,
-            recomputed={"point": control.points},
-            edits=_axes_edits(situation, control),
-        )
-    ]
+    return Hypothesis(
+        "axes exchanged",
+        (control.label,),
+        lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
+        f"points, {control.label}: columns: {{x: y, y: x}}",
+        afresh=True,
+        recomputed={"point": control.points},
+        edits=_axes_edits(situation, control),
+    )
 
 
 def _exchanges(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
@@ -397,7 +392,6 @@ def _exchange(situation: Situation, control: ControlPoints, pair: tuple[int, int
 # ---- Standard deviations in another unit: those that no instrument has, and those a thousand times off the residuals.
 
 _FACTORS = (1e3, 1e-3, 1e6, 1e-6)
-_FACTOR_OF_UNITS = 1e3
 
 
 def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -406,8 +400,7 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     As long as a σ is one that nobody has, residuals in units of others say nothing.
     """
     groups = [
-        (number, group, int(np.count_nonzero(group.mask & ~group.left_out)))
-        for number, group in enumerate(situation.network.groups)
+        (number, group, int(np.count_nonzero(group.used))) for number, group in enumerate(situation.network.groups)
     ]
     groups = [one for one in groups if one[2] >= 5]
     found = []
@@ -415,7 +408,7 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
         beyond = beyond_any_instrument(situation.network, group)
         if beyond:  # what too small a σ says of how likely residuals are counts for nothing
             told = count if beyond < 0 else 0
-            found.append(_hypothesis(situation, number, group.name, _FACTOR_OF_UNITS**beyond, told))
+            found.append(_hypothesis(situation, number, group.name, 1e3**beyond, told))
     return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
 
 
@@ -425,7 +418,7 @@ def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     for one in situation.scored:
         for number, group in enumerate(situation.network.groups):
             if one.cause == "sigma of a table" and one.things == (group.name,) and one.amount is not None:
-                count = int(np.count_nonzero(group.mask & ~group.left_out))
+                count = int(np.count_nonzero(group.used))
                 plain = _hypothesis(situation, number, group.name, float(f"{one.amount.value:.3g}"), count)
                 found.append(
                     replace(plain, cause="sigma of a table", parameters=1, amount=partial(_the_same, one.amount))
@@ -439,11 +432,11 @@ def _the_same(amount: AddedParameter, _values: Values) -> AddedParameter:
 
 def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
     group = situation.network.groups[number]
-    used = group.mask & ~group.left_out
+    used = group.used
     scales = list(_scales(situation, number, group, used))
     for factor in _FACTORS:
         # Factor within which residuals that are too large agree with a unit; those too small have no other reason.
-        near = 4.0 if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
+        near = 4.0 if factor > 1.0 else np.sqrt(1e3)
         if any(1.0 / near < scale / factor < near for scale in scales):
             yield _hypothesis(situation, number, group.name, factor, count)
 
@@ -454,20 +447,16 @@ def _scales(situation: Situation, number: int, group: ObservationGroup, used: Bo
     Of the latter also √(Ω/Σ r), with the residuals and redundancy numbers of the group (W. Förstner 1979): the median
     of sights so precise that all else follows them is next to nothing.
     """
-    yield _median(situation.sizes[number][used])
+    yield robust_sigma(situation.sizes[number][used])
     if situation.solution is None:
         return
     sizes = np.abs(misclosures(group, situation.solution.values) / group.given_sigma)
-    yield _median(sizes[used])
+    yield robust_sigma(sizes[used])
     if situation.redundancy_of_solution is not None:
         numbers = situation.redundancy_of_solution[number]
         known = used & np.isfinite(numbers)
         freedom = float(np.sum(numbers[known]))
         yield float(np.sqrt(np.sum(sizes[known] ** 2) / freedom)) if freedom > 0.0 else np.nan
-
-
-def _median(sizes: FloatArray) -> float:
-    return float(np.median(sizes)) / 0.6745
 
 
 def _hypothesis(situation: Situation, number: int, name: str, factor: float, count: int) -> Hypothesis:

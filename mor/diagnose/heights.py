@@ -54,6 +54,13 @@ class HeightRows(NamedTuple):
     things: tuple[str, ...]
     rows: tuple[tuple[int, IntArray, int], ...]
 
+    @property
+    def line(self) -> str:
+        """What to write in the project."""
+        names = ", from ".join(self.things)
+        is_instrument = self.cause == "instrument height"
+        return f"stations, {names}: height" if is_instrument else f"observations, to {names}: to_height"
+
 
 def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The heights that promise most."""
@@ -137,7 +144,7 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
         if not group.type.distances or group.type.between_marks:
             continue
         pairs = zip(group.type.references, group.references, strict=True)
-        names = {reference.name: np.array(list(column)) for reference, column in pairs}
+        names = {reference.name: np.asarray(column) for reference, column in pairs}
         begin, end = group.type.distances
         for slot, own in enumerate(group.type.slots):
             if own.kind != "height" or own.of not in names:
@@ -203,13 +210,11 @@ def _hypothesis(situation: Situation, sights: HeightRows, candidates: int, begin
     def amount(values: Values) -> AddedParameter:
         return AddedParameter("height", float(values["height"][number, 0]))
 
-    what = "stations, {}: height" if sights.cause == "instrument height" else "observations, to {}: to_height"
-    line = what.format(", from ".join(sights.things))
     return Hypothesis(
         sights.cause,
         sights.things,
         change,
-        line,
+        sights.line,
         candidates,
         parameters=1,
         edits=_edits(network, sights),
@@ -234,9 +239,6 @@ def given_height(network: Network, sights: HeightRows) -> float:
 #
 # With the other sign the misclosure of a line changes by δ = −2 Δh, and vᵀPv, to first order and with all
 # else adjusted again, by −2 δ v/σ² + δ² r/σ²: the lines for which it falls most are tried.
-
-_LINES = 100
-"""Lines whose redundancy is worked out, the worst first."""
 
 
 def levelling_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -297,7 +299,7 @@ def _reductions_of_lines(situation: Situation, number: int, group: ObservationGr
     used = group if solution is None else solution.problem.groups[number]
     misclosure, sigma = misclosures(group, values)[:, 0], group.given_sigma[:, 0]
     reductions = np.full(group.count, -np.inf)
-    rows = np.argsort(-np.abs(misclosure / sigma), kind="stable")[:_LINES]
+    rows = np.argsort(-np.abs(misclosure / sigma), kind="stable")[:100]  # their redundancy is worked out
     rows = rows[group.mask[rows, 0]]
     redundancy = np.ones(len(rows))
     if solution is not None:

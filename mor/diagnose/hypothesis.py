@@ -559,10 +559,6 @@ OBSERVED_POINTS = ("observed/point", "coordinates")
 """Types of observations of points themselves."""
 SMALL = 20_000
 """Observations up to which graduated weights and intersections of single points take next to no time."""
-_PATIENCE = 2
-"""Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
-_PART_OUT, _MASS = 0.05, 3
-"""Part of a group that is out, and number of its rows, from which on a single observation explains nothing."""
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
 
@@ -675,12 +671,12 @@ class Situation:
 
     @cached_property
     def many_are_out(self) -> bool:
-        """True if more than 5 % of a group, or all of it, are left out of the solution: no single mistake did that."""
+        """True if 3 rows and 5 % of a group, or all of it, are left out of the solution: no single mistake did that."""
         if self.solution is None:
             return False
         for group in self.solution.problem.groups:
             out, count = int(group.left_out.any(axis=1).sum()), group.count
-            if out >= _MASS and (out > _PART_OUT * count or out == count):
+            if out >= 3 and (out > 0.05 * count or out == count):
                 return True
         return False
 
@@ -784,13 +780,16 @@ def without_row(situation: Situation, group: int, row: int) -> Values:
 
 
 def _impatient() -> Watcher:
-    """A watcher that ends an iteration which does not come near to a solution as quickly as one that will."""
+    """A watcher that ends an iteration which does not come near to a solution as quickly as one that will.
+
+    That is one whose vᵀPv is not halved twice in a row, as long as it is far from what is expected.
+    """
     seen: list[float] = []
 
     def watch(iteration: Iteration) -> None:
         seen.append(iteration.objective)
-        last = seen[-1 - _PATIENCE :]
-        slow = len(last) > _PATIENCE and all(b > 0.5 * a for a, b in pairwise(last))
+        last = seen[-3:]
+        slow = len(last) > 2 and all(b > 0.5 * a for a, b in pairwise(last))
         if slow and iteration.objective > 25.0 * max(iteration.redundancy, 1) and iteration.largest_change > 1.0:
             raise HopelessError
 

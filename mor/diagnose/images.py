@@ -101,7 +101,7 @@ def _of_camera(network: Network, names: Sequence[str], camera: int) -> Network:
     for number, group in enumerate(network.groups):
         if not is_image_point(group.type):
             continue
-        chosen = np.isin(np.array(list(group.references[0])), names)
+        chosen = np.isin(np.asarray(group.references[0]), names)
         slots = [k for k, s in enumerate(group.type.slots) if s.part == "interior"]
         blocks = [
             np.where(chosen, cameras.parts["interior"][camera], own) if k in slots else own
@@ -116,10 +116,8 @@ def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]
     parts: dict[str, list[tuple[int, IntArray]]] = {}
     bad: dict[str, tuple[int, int]] = {}
     for number in numbers:
-        names = np.array(list(situation.network.groups[number].references[0]))
         rows_bad: BoolArray = np.asarray((situation.sizes[number] > situation.limit).any(axis=1))
-        for name in dict.fromkeys(names.tolist()):
-            rows = np.flatnonzero(names == name)
+        for name, rows in situation.network.groups[number].references[0].rows_of_each().items():
             parts.setdefault(name, []).append((number, rows))
             before = bad.get(name, (0, 0))
             bad[name] = before[0] + int(rows_bad[rows].sum()), before[1] + len(rows)

@@ -30,10 +30,6 @@ from mor.types import FloatArray, IntArray
 
 ROWS = 40
 """Rows of a group that are looked at, the worst first."""
-_AS_GOOD = 6.0
-"""|v|/σ up to which another name counts as fitting, or a twentieth of what it is now: poses are not known exactly."""
-_NAMES = 2
-"""Names that are kept for a row and a reference, the best first."""
 _TRIED = 6
 """Exchanges and names that are tried: those that make rows fit that are off most."""
 _FEW, _ALONE = 10, 4
@@ -114,8 +110,9 @@ def matches(network: Network, values: Values, number: int, row: int) -> Iterator
             place_of = things.parts.get("position", np.full(len(things.ids), -1))
             sizes[same | np.isin(things.ids, names) | np.isin(place_of, list(named))] = np.inf
             named |= set(place_of[place_of >= 0].tolist())
-            for k in np.argsort(sizes, kind="stable")[:_NAMES]:
-                if sizes[k] <= max(_AS_GOOD, 0.05 * now) and sizes[k] < 0.3 * now:
+            for k in np.argsort(sizes, kind="stable")[:2]:
+                # Within 6 σ, or a twentieth of what it is now: poses are not known exactly.
+                if sizes[k] <= max(6.0, 0.05 * now) and sizes[k] < 0.3 * now:
                     right = {slot: int(own[k]) for slot, own in variants[int(chosen[k])].items()}
                     yield Match(
                         number, row, reference.name, names, things.ids[k], right, len(things.ids), now - sizes[k]
@@ -215,12 +212,7 @@ def _between_lost_points(situation: Situation) -> list[Hypothesis]:
 
 def _lost_points(situation: Situation) -> set[str]:
     """Points that are sighted twice or more, half of whose sights do not fit."""
-    whole: Counter[str] = Counter()
-    wrong: Counter[str] = Counter()
-    for number in _sighting(situation.network.groups):
-        names = list(situation.network.groups[number].references[-1])
-        whole.update(names)
-        wrong.update(names[row] for row in np.flatnonzero(situation.misfitting[number].any(axis=1)))
+    whole, wrong = _sights(situation, -1)
     return {name for name in wrong if whole[name] >= 2 and 2 * wrong[name] >= whole[name]}
 
 
@@ -285,7 +277,6 @@ def where(group: ObservationGroup, row: int) -> str:
 
 _LEAST, _MOST = 4, 40
 """Sights of a station: of fewer any exchange fits, of more the others keep its pose right."""
-_ITERATIONS, _HALVED, _SETTLED = 12, 6, 1e-3
 
 
 class Exchange(NamedTuple):
@@ -319,14 +310,21 @@ def _sighting(groups: Sequence[ObservationGroup]) -> list[int]:
     return [k for k, g in enumerate(groups) if len(g.type.components) == 2 and len(g.references) == 2]
 
 
-def _spoiled(situation: Situation) -> list[str]:
-    whole: Counter[str] = Counter()
-    wrong: Counter[str] = Counter()
-    squares: dict[str, float] = {}
+def _sights(situation: Situation, reference: int) -> tuple[Counter[str], Counter[str]]:
+    """Number of sights by the name in a reference, and of those that do not fit."""
+    whole, wrong = Counter[str](), Counter[str]()
     for number in _sighting(situation.network.groups):
-        names = list(situation.network.groups[number].references[0])
+        names = list(situation.network.groups[number].references[reference])
         whole.update(names)
         wrong.update(names[row] for row in np.flatnonzero(situation.misfitting[number].any(axis=1)))
+    return whole, wrong
+
+
+def _spoiled(situation: Situation) -> list[str]:
+    whole, wrong = _sights(situation, 0)
+    squares: dict[str, float] = {}
+    for number in _sighting(situation.network.groups):
+        names = situation.network.groups[number].references[0]
         for name, size in zip(names, np.sum(situation.sizes[number] ** 2, axis=1).tolist(), strict=False):
             squares[name] = squares.get(name, 0.0) + size
     shares = {n: wrong[n] / whole[n] for n in whole if _LEAST <= whole[n] <= _MOST}
@@ -390,11 +388,11 @@ def _cost(situation: Situation, problem: Problem) -> float:
 def _adjusted(problem: Problem, values: Values) -> Values:
     """Least squares of a few unknowns (Gauss–Newton, steps halved where they go too far)."""
     now, derivatives = _system(problem, values)
-    for _ in range(_ITERATIONS):
+    for _ in range(12):
         if not (np.isfinite(now).all() and np.isfinite(derivatives).all()):
             break
         step = np.asarray(rotations.lstsq(derivatives, now, rcond=None), dtype=np.float64)
-        for _ in range(_HALVED):
+        for _ in range(6):
             there = move(problem.index, values, step)
             residuals, further = _system(problem, there)
             if residuals @ residuals < now @ now:
@@ -402,7 +400,7 @@ def _adjusted(problem: Problem, values: Values) -> Values:
             step = 0.5 * step
         else:
             break
-        settled = residuals @ residuals > (1.0 - _SETTLED) * (now @ now)
+        settled = residuals @ residuals > (1.0 - 1e-3) * (now @ now)
         values, now, derivatives = there, residuals, further
         if settled:
             break
@@ -415,7 +413,7 @@ def _system(problem: Problem, values: Values) -> tuple[FloatArray, FloatArray]:
     misclosures, derivatives = [], []
     for group in problem.groups:
         part = linearise(group, problem.index, values, tangent, slice(None))
-        weight = np.where(group.mask & ~group.left_out, 1.0 / group.sigma, 0.0)
+        weight = np.where(group.used, 1.0 / group.sigma, 0.0)
         dense = np.zeros((*part.misclosure.shape, problem.index.count + 1))  # fixed ones go to the last column
         rows = np.arange(group.count)[:, None]
         for component in range(part.misclosure.shape[1]):

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mor.diagnose.angles import middle_of
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
 from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.hypothesis import OBSERVED_POINTS
@@ -38,7 +39,7 @@ from mor.quality.outliers import SuspectedOutliers, cost_of_choice, with_suspect
 from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height
 from mor.quality.redundancy import Reliability
 from mor.quality.solution import AddedParameter, ScoredHypothesis
-from mor.quality.test_statistics import CONTROLLED, log_p_chi2
+from mor.quality.test_statistics import CONTROLLED, LEVEL, log_p_chi2
 from mor.solve.iterate import Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, evaluated, linearise, misclosures, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
@@ -46,8 +47,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-LEVEL = 1e-3
-"""Family-wise level of all score tests together."""
 OFFERED = 3
 _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""
@@ -55,8 +54,6 @@ _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _NAMES = 20_000
 """Names that are tried for the rows of a table in small networks; in large ones as many as there are observations."""
-_LARGEST = {"offset": 0.5, "height": 10.0}
-"""Metres that no prism constant, and no height of an instrument, target or antenna exceeds."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
@@ -151,7 +148,7 @@ def _explaining(
         before, after, rows = 0.0, 0.0, 0
         for number, own, change in one.parts:
             group = problem.groups[number]
-            used = (group.mask & ~group.left_out)[own]
+            used = group.used[own]
             plain, sigma = misclosures(group, values, own), group.sigma[own]
             before += float(np.sum(((plain / sigma)[used]) ** 2))
             after += float(np.sum((((plain - change[:, :, 0]) / sigma)[used]) ** 2))
@@ -159,9 +156,8 @@ def _explaining(
         # Part of the squares of misclosures that a mistake may leave: their size then falls to a tenth.
         if after <= 0.01 * before and 2 * rows > sum(int(np.count_nonzero(mask)) for mask in suspects):
             gain = before - after
-            p = log_p_chi2(np.array([gain]), np.ones(1))
             cost = cost_of_choice(problem.observations, count, 0, 0.0)
-            found.append(_Scored(one, np.ones(1), gain, gain - cost, float(p[0]), 0))
+            found.append(_Scored(one, np.ones(1), gain, gain - cost, float(log_p_chi2(gain, 1)), 0))
     return tuple(_cause(one) for one in _distinct(found)[:OFFERED])
 
 
@@ -260,7 +256,7 @@ def _interiors(
                 yield _Candidate(cause, (name,), line, ((number, rows, columns),), amount=amount)
     if not constant or len(images.ids) < 2:
         return
-    frames = np.array(list(group.references[0]))
+    frames = np.asarray(group.references[0])
     for image in dict.fromkeys(frames[flagged].tolist()):
         rows = np.flatnonzero(frames == image)
         columns = _slot_columns(group, values, rows, slot, constant).sum(axis=2, keepdims=True)
@@ -282,7 +278,7 @@ def _observed_interiors(
     cameras = network.things["camera"]
     camera_of = dict(zip(cameras.parts["interior"].tolist(), cameras.ids, strict=True))
     names = [component.name for component in group.type.components]
-    for row, k in np.argwhere(flagged[:, None] & group.mask & ~group.left_out).tolist():
+    for row, k in np.argwhere(flagged[:, None] & group.used).tolist():
         name, key = camera_of.get(int(group.blocks[0][row]), ""), names[k]
         if not name or key not in ("c", "fx", "fy", *PRINCIPAL_POINT):
             continue
@@ -342,10 +338,8 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
     """Sense and unit of a circle, zenith angles that are elevations: of the table and of each of its stations."""
     if not group.type.wraps.any() or group.type.distances is None:
         return
-    stations = np.array(list(group.references[0]))
-    sets: list[tuple[tuple[str, ...], IntArray]] = [
-        ((name, group.name), np.flatnonzero(stations == name)) for name in dict.fromkeys(stations.tolist())
-    ]
+    stations = group.references[0].rows_of_each()
+    sets: list[tuple[tuple[str, ...], IntArray]] = [((name, group.name), rows) for name, rows in stations.items()]
     if len(sets) > 1:
         sets.append(((group.name,), np.arange(group.count)))
     names = [c.name for c in group.type.components]
@@ -386,22 +380,12 @@ def _read_otherwise(values: Values, group: ObservationGroup, rows: IntArray, oth
     """
     plain = np.nan_to_num(misclosures(group, values, rows))
     moved = plain + other - np.nan_to_num(group.observed[rows])
-    stations = np.array(list(group.references[0]))[rows]
     for column in np.flatnonzero(group.type.wraps).tolist():
         if column in group.type.turns and group.type.references[0].name == "station":
-            for name in dict.fromkeys(stations.tolist()):
-                own = stations == name
-                angles = moved[own, column]
-                # Angles of a set that are compared with each other.
-                some = angles[:: max(len(angles) // 500, 1)]
-                near = np.abs(wrap(some[:, None] - some[None, :])).sum(axis=1)
-                moved[own, column] -= float(some[int(np.argmin(near))])
+            for own in group.references[0].take(rows).rows_of_each().values():
+                moved[own, column] -= middle_of(moved[own, column])
         moved[:, column] = wrap(moved[:, column])
     return np.asarray(plain - moved)
-
-
-_HALF_CIRCLE_SEEN = 0.05
-"""Residual of a direction (radians) from which on half a circle is looked at: the rest of it is in the orientation."""
 
 
 def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
@@ -411,7 +395,7 @@ def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolAr
     rows = np.flatnonzero(flagged)
     plain = np.nan_to_num(misclosures(group, values, rows))[:, column]
     for row, size in zip(rows.tolist(), plain.tolist(), strict=True):
-        if abs(size) < _HALF_CIRCLE_SEEN:
+        if abs(size) < 0.05:  # rad; from there on the rest of half a circle may be in the orientation
             continue
         change = np.zeros((1, group.observed.shape[1], 1))
         change[0, column, 0] = np.pi * np.sign(size)
@@ -428,15 +412,15 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
     """Sets whose circle was turned between two of their rows: another orientation from there on."""
     if not group.type.turns or group.type.references[0].name != "station":
         return
-    column, stations = group.type.turns[0], np.array(list(group.references[0]))
+    column, stations = group.type.turns[0], np.asarray(group.references[0])
     shares = {name: int(flagged[stations == name].sum()) for name in dict.fromkeys(stations[flagged].tolist())}
     for name in sorted(shares, key=lambda one: -shares[one])[:_PAIRS]:
         rows = np.flatnonzero(stations == name)
         places = range(_LEAST_TURNED, len(rows) - _LEAST_TURNED + 1)
-        if len(places) > _MOST_TURNED:
+        if len(places) > 12:  # those with the largest steps of the misclosures
             size = np.abs(np.diff(np.nan_to_num(misclosures(group, values, rows))[:, column]))
             best = np.argsort(-size[_LEAST_TURNED - 1 : len(rows) - _LEAST_TURNED], kind="stable")
-            places = (best[:_MOST_TURNED] + _LEAST_TURNED).tolist()
+            places = (best[:12] + _LEAST_TURNED).tolist()
         for place in places:
             turned = rows[place:]
             unit = np.zeros((len(turned), group.observed.shape[1], 1))
@@ -449,10 +433,6 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
             )
 
 
-_MOST_TURNED = 12
-"""Places of a set at which the circle may have been turned, those with the largest steps of the misclosures."""
-
-
 def _exchanges(
     values: Values, number: int, group: ObservationGroup, quality: Quality, flagged: BoolArray
 ) -> Iterator[_Candidate]:
@@ -461,7 +441,7 @@ def _exchanges(
     target = group.type.references[-1].name
     slots = [k for k, slot in enumerate(group.type.slots) if slot.of == target]
     worst = np.nan_to_num(np.abs(quality.reliability[number].at(slice(None)).test)).max(axis=1, initial=0.0)
-    frames = np.array(list(group.references[0]))
+    frames = np.asarray(group.references[0])
     for frame in dict.fromkeys(frames[flagged].tolist()):
         here = np.flatnonzero((frames == frame) & flagged)
         here = here[np.argsort(-worst[here], kind="stable")][:_PAIRS]
@@ -516,11 +496,9 @@ def _set_ups(
         if group.type.distances is None or group.type.between_marks:
             continue
         begin = group.type.distances[0]
-        names = np.array(list(group.column(begin)))
         slots = [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part == "position"]
-        for name in dict.fromkeys(names.tolist()) if slots else ():
+        for name, rows in group.column(begin).rows_of_each().items() if slots else ():
             if name in declared:
-                rows = np.flatnonzero(names == name)
                 sights.setdefault(name, []).append((number, slots[0], rows))
                 doubtful[name] = doubtful.get(name, 0) + int(flagged[number][rows].sum())
     suspected = sorted((n for n in doubtful if doubtful[n]), key=lambda n: -doubtful[n])[:_PAIRS]
@@ -584,18 +562,13 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
             (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))
             for number, rows, slot in one.rows
         )
-        yield _Candidate(one.cause, one.things, _line_of(one), parts, amount=("height", given_height(network, one)))
+        yield _Candidate(one.cause, one.things, one.line, parts, amount=("height", given_height(network, one)))
     beyond = beyond_reach(network)
     usual = {**values, "height": np.where(beyond[:, None], usual_height(network), values["height"])}
     for one in height_sights(network) if beyond.any() else ():
         number, rows, slot = one.rows[0]
         if len(one.things) == 1 and beyond[network.groups[number].blocks[slot][rows]].all():
-            yield _Candidate(one.cause, one.things, _line_of(one), tuple(_instead(problem, values, usual, one)), True)
-
-
-def _line_of(one: HeightRows) -> str:
-    names = ", from ".join(one.things)
-    return f"stations, {names}: height" if one.cause == "instrument height" else f"observations, to {names}: to_height"
+            yield _Candidate(one.cause, one.things, one.line, tuple(_instead(problem, values, usual, one)), True)
 
 
 def _instead(
@@ -785,14 +758,14 @@ def _score(
         x = np.asarray(rotations.solve(M, g))
         gain = float(g @ x)
         name, present = one.amount or ("", 0.0)
-        if abs(present + float(x[0])) > _LARGEST.get(name, np.inf):
+        # Metres that no prism constant, and no height of an instrument, target or antenna exceeds.
+        if abs(present + float(x[0])) > {"offset": 0.5, "height": 10.0}.get(name, np.inf):
             return None
     if gain <= 0.0:
         return None
-    p = log_p_chi2(np.array([gain]), np.array([float(one.parameters)]))
     parameters = 0 if one.definite else one.parameters
     cost = cost_of_choice(quality.adjustment.problem.observations, count, parameters, 0.0)
-    return _Scored(one, x, gain, gain - cost, float(p[0]), parameters)
+    return _Scored(one, x, gain, gain - cost, float(log_p_chi2(gain, one.parameters)), parameters)
 
 
 def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
@@ -806,7 +779,7 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
             for g, r, c in places:
                 chosen[g][r, c] = True
     groups = quality.adjustment.problem.groups
-    used = [mask & group.mask & ~group.left_out for mask, group in zip(chosen, groups, strict=True)]
+    used = [mask & group.used for mask, group in zip(chosen, groups, strict=True)]
     return whitened_rows(quality, used)
 
 
@@ -846,8 +819,8 @@ def _sigmas(quality: Quality) -> Iterator[_Scored]:
             amount=("sigma factor", 0.0),
         )
         cost = cost_of_choice(quality.adjustment.problem.observations, len(tested), 1, 0.0)
-        p = log_p_chi2(np.array([likelihood]), np.array([1.0]))
-        yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, float(p[0]), 1)
+        log_p = float(log_p_chi2(likelihood, 1))
+        yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, log_p, 1)
 
 
 _TOGETHER = ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved")
@@ -875,9 +848,8 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
             together = chosen[0].candidate._replace(things=things, line=lines, parts=parts, amount=None)
             gain = sum(one.gain for one in chosen)
             freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
-            p = log_p_chi2(np.array([gain]), np.array([float(max(freedom, 1))]))
-            length = sum(one.length for one in chosen)
-            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0]), freedom))
+            log_p, length = float(log_p_chi2(gain, max(freedom, 1))), sum(one.length for one in chosen)
+            found.append(_Scored(together, np.zeros(0), gain, length, log_p, freedom))
     return found, too_many
 
 

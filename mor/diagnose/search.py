@@ -68,24 +68,21 @@ from mor.linalg.cholesky import NotFiniteError
 from mor.model.parameters import Values, all_known, with_shared_components
 from mor.project.network import Network
 from mor.quality.assessment import Quality
-from mor.quality.group_tests import LEVEL, Rejection
-from mor.quality.outliers import cost_of_choice, cost_of_residuals, reintersected, sizes_of
+from mor.quality.group_tests import Rejection
+from mor.quality.outliers import BY_CHANCE, cost_of_choice, cost_of_residuals, reintersected, sizes_of
 from mor.quality.robust_estimation import exclude, graduated_weights
 from mor.quality.solution import ScoredHypothesis
-from mor.quality.test_statistics import log_p_chi2
+from mor.quality.test_statistics import LEVEL, log_p_chi2
 from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.problem import Problem, misclosures
 from mor.types import BoolArray, FloatArray
 
-OFFERED = 5
 _ABSURD, _LESS = 10.0, 0.3
 """Factor of all σ that nobody errs by, and part of it that is less."""
 _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
 _MIRRORED = ("circle sense", "image flipped", "axes exchanged")
 """Causes that are one another's mirror image: where one explains everything the others may."""
-_BY_CHANCE = float(-2.0 * np.log(LEVEL))
-"""By how much chance may make a description shorter, in units of χ²."""
 Family = Callable[[Situation], list[Hypothesis]]
 OF_ROWS: tuple[Family, ...] = (
     levelling_hypotheses,
@@ -195,7 +192,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
             untried += 1
             continue
         fit = tried(situation, hypothesis, scored=True)
-        trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
+        trials.append(_trial(situation, hypothesis, fit))
         if fit is not None:
             found.append(SolvedHypothesis(hypothesis, fit, 0.0, scored=True))
             done |= _explains(hypothesis, fit)
@@ -211,8 +208,8 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 untried += 1
                 continue
             mirrored = done and hypothesis.cause in _MIRRORED
-            fit = tried(situation, hypothesis, mirrored or not done, mirrored or promised > _BY_CHANCE)
-            trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
+            fit = tried(situation, hypothesis, mirrored or not done, mirrored or promised > BY_CHANCE)
+            trials.append(_trial(situation, hypothesis, fit))
             if fit is None:
                 continue
             found.append(SolvedHypothesis(hypothesis, fit, promised))
@@ -227,11 +224,15 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 continue
             fit = tried(situation, hypothesis, spoken_for=True)
             if fit is not None:
-                trials[number] = Trial(hypothesis, fit, _gain(situation, fit))
+                trials[number] = _trial(situation, hypothesis, fit)
                 found.append(SolvedHypothesis(hypothesis, fit, 0.0))
                 if _explains(hypothesis, fit):
                     break
     return Diagnosis(before, _offered(situation, before, found), tuple(trials), untried)
+
+
+def _trial(situation: Situation, hypothesis: Hypothesis, fit: NetworkFit | None) -> Trial:
+    return Trial(hypothesis, fit, 0.0 if fit is None else _gain(situation, fit))
 
 
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
@@ -257,12 +258,12 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
             different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
     found = list(different.values())
     if stage is not OF_A_WHOLE or not found:
-        spoken_for = 2.0 * _BY_CHANCE if stage is BEYOND_REACH else 0.0
+        spoken_for = 2.0 * BY_CHANCE if stage is BEYOND_REACH else 0.0
         return [(hypothesis, spoken_for) for hypothesis in found]
     promised = promises(situation, found)
     seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
-    least = -np.inf if seen else _BY_CHANCE
-    told = np.where(promised > _BY_CHANCE, promised, 0.0)  # else a table comes before its stations
+    least = -np.inf if seen else BY_CHANCE
+    told = np.where(promised > BY_CHANCE, promised, 0.0)  # else a table comes before its stations
     order = np.lexsort((-promised, np.array([len(one.things) for one in found]), -told)).tolist()
     return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
 
@@ -277,7 +278,7 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             one
             for one in found
             if (
-                _gain(situation, one.fit) > (0.0 if one.scored and _explains(one.hypothesis, one.fit) else _BY_CHANCE)
+                _gain(situation, one.fit) > (0.0 if one.scored and _explains(one.hypothesis, one.fit) else BY_CHANCE)
                 and _nearer(one.fit, before)
                 and (one.fit.scale <= max(_ABSURD, _LESS * situation.fit.scale))
             )
@@ -295,7 +296,7 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             one.hypothesis.amount_at(one.fit.values),
             one is not good[0] and _are_alike(one.fit, good[0].fit),
         )
-        for one in good[:OFFERED]
+        for one in good[:5]
     )
 
 
@@ -305,8 +306,8 @@ def _in_order(situation: Situation, good: list[SolvedHypothesis]) -> list[Solved
     Where the observations cannot tell them apart, the one that changes fewest cells comes first.
     """
     by_gain = sorted(good, key=lambda one: -round(_gain(situation, one.fit), 6))
-    alike = [one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE]
-    told = sorted(alike, key=lambda one: -one.promised if one.promised > _BY_CHANCE else 0.0)
+    alike = [one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - BY_CHANCE]
+    told = sorted(alike, key=lambda one: -one.promised if one.promised > BY_CHANCE else 0.0)
     same = [one for one in told if _are_alike(one.fit, told[0].fit)]
     same.sort(key=lambda one: len(one.hypothesis.edits) or np.inf)
     others = [one for one in told if not any(one is other for other in same)]
@@ -320,8 +321,7 @@ def _are_alike(one: NetworkFit, other: NetworkFit) -> bool:
 
 def nothing_is_left(fit: NetworkFit) -> bool:
     """True where chance explains the residuals that a change leaves."""
-    p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
-    return bool(p[0] > np.log(LEVEL))
+    return bool(log_p_chi2(fit.omega, max(fit.freedom, 1)) > np.log(LEVEL))
 
 
 def _explains(hypothesis: Hypothesis, fit: NetworkFit) -> bool:
@@ -339,10 +339,9 @@ def _gain(situation: Situation, fit: NetworkFit) -> float:
 
 
 def _before(situation: Situation, plain: Adjustment) -> Before:
-    freedom = plain.problem.observations - plain.problem.index.count + plain.defect.dimension
     objective = plain.normals.objective
     compared = objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
-    return Before(objective, compared, freedom)
+    return Before(objective, compared, plain.redundancy)
 
 
 class RejectedAdjustment(NamedTuple):
@@ -407,7 +406,7 @@ def _nearer(fit: NetworkFit, before: Before) -> bool:
     """True where vᵀPv falls by more than chance does and by a part of it, or rises towards its degrees of freedom."""
     if fit.omega <= before.compared:
         # Part of what is too much in vᵀPv that a mistake explains, at least.
-        least = max(_BY_CHANCE, 0.1 * (before.compared - before.freedom))
+        least = max(BY_CHANCE, 0.1 * (before.compared - before.freedom))
         return bool(before.compared - fit.omega > least)
     ratios = np.array([fit.omega / max(fit.freedom, 1), before.compared / max(before.freedom, 1)])
     after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))

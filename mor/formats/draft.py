@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from math import isfinite
 from pathlib import Path
@@ -52,6 +53,14 @@ class Draft:
     problems: list[Message] = field(default_factory=list)
     notes: list[Message] = field(default_factory=list)
     """What was left out, and why."""
+
+    @contextmanager
+    def at(self, line: int, file: str = "", name: str = "") -> Iterator[None]:
+        """Report a ``ValueError`` as a problem of a line, which begins with the name of what stands there."""
+        try:
+            yield
+        except ValueError as error:
+            self.problem(f"{name}: {error}" if name else str(error), line, file)
 
     def problem(self, message: str, line: int = 0, file: str = "") -> None:
         """A mistake at a line of the file, or of another file that belongs to it."""

@@ -42,6 +42,12 @@ class Names:
         texts = np.array([self.known[number] for number in used], dtype=dtype or str)
         return texts[numbers]
 
+    def rows_of_each(self) -> dict[str, IntArray]:
+        """Rows (k,) of each name, in the order in which the names come."""
+        texts, first, numbers = np.unique(np.asarray(self), return_index=True, return_inverse=True)
+        rows = np.split(np.argsort(numbers, kind="stable"), np.cumsum(np.bincount(numbers))[:-1])
+        return {str(texts[k]): rows[k] for k in np.argsort(first)}
+
     def take(self, rows: IntArray | slice) -> Names:
         """The names of some rows."""
         return Names(self.numbers[rows], self.known)
@@ -279,6 +285,10 @@ class ObservationGroup:
         """Names of what a row refers to, by the references of the type."""
         return {of.name: names[row] for of, names in zip(self.type.references, self.references, strict=True)}
 
+    def said_names(self, row: int) -> str:
+        """What a row refers to, for a message: ``image 12, point A``."""
+        return ", ".join(f"{key} {name}" for key, name in self.names_of(row).items())
+
     def message(self, row: int, words: str) -> Message:
         """A message about a row, with its file and line where it has them."""
         return Message(words, self.file, self.line(row))
@@ -296,6 +306,11 @@ class ObservationGroup:
     def left_out(self) -> BoolArray:
         """(n, m) true where there is an observation that is kept out of the adjustment."""
         return self.mask & self.excluded if self.excluded is not None else np.zeros(self.observed.shape, bool)
+
+    @property
+    def used(self) -> BoolArray:
+        """(n, m) true where there is an observation that takes part in the adjustment."""
+        return self.mask & ~self.left_out
 
     @property
     def given_sigma(self) -> FloatArray:

@@ -264,7 +264,7 @@ def observation_rows(quality: Quality, candidates: Sequence[ObservationGroup]) -
     entry = np.full(int(problem.offsets[-1]), -1)
     for number, group in enumerate(problem.groups):
         part = linearise(group, problem.index, values, tangent, slice(None))
-        mask = group.mask & ~group.left_out  # checks take no part
+        mask = group.used  # checks take no part
         first = rows.add(part.jacobian, part.columns, mask, group.sigma, number)
         entry[problem.offsets[number] :][: mask.size][mask.ravel()] = np.arange(first, first + np.count_nonzero(mask))
         if len(group.lines):

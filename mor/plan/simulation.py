@@ -381,7 +381,7 @@ class Truth:
         for group, one in zip(self.problem.groups, self.quality.groups, strict=True):
             with np.errstate(invalid="ignore"):
                 controlled = one.q_weighted > CONTROLLED * one.precision
-            found.append(np.asarray(controlled & group.mask & ~group.left_out))
+            found.append(np.asarray(controlled & group.used))
         return tuple(found)
 
     def tests(self, values: Values, problem: Problem) -> FloatArray:

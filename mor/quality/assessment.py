@@ -39,7 +39,7 @@ from mor.solve.datum import NOTHING_KNOWN, STransformation, Undetermined
 from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.normals import image_of, objective
 from mor.solve.problem import evaluated
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 from mor.units import LENGTH
 
 # ---- From an adjustment to its quality: everything a report says about trust.
@@ -118,7 +118,7 @@ def assess(
     datum = datum_transformation(adjustment)
     if levels.familywise is not None:
         levels = levels._replace(snooping=sidak(levels.familywise, problem.observations))
-    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
+    redundancy = adjustment.redundancy
     omega = adjustment.normals.objective
     sigma0 = sigma_of_unit_weight(omega, redundancy)
     groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
@@ -177,21 +177,9 @@ REDUNDANCY_LOST = (
 )
 BEYOND_USE = "the standard deviations of unknowns are too large to be useful"
 """Reasons of outcomes."""
-_SUM = 1e-3
-"""Σ r − (n − u + d) that is no longer round-off of exact cofactors, and 10⁻⁶ of it in large systems."""
 _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
-_SEEN, _BENT = 9.0, 100.0
-"""Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
-_FAR = 3.0
-"""Standard deviations by which a far point must at least be away from the rest to count as determined."""
-_NARROW = 0.05
-"""σ (rad) of a direction that is known, the angle below which rays are nearly parallel."""
-_TYPICAL, _SAMPLED = 1e-3, 500
-"""Effect of one σ of a typical observation on a point, in parts of the size of the network, that is taken literally (a
-tenth of what linear equations bear), and observations of a group that are asked for it."""
 _LENGTHS = ("point", "base")
-_TOLD = 1000
 
 
 def checked(quality: Quality) -> Adjustment:
@@ -207,12 +195,12 @@ def checked(quality: Quality) -> Adjustment:
 
 
 def is_complete(redundancy_sum: float, redundancy: int) -> bool:
-    """True where Σ r is the redundancy, but for round-off of exact cofactors."""
-    return abs(redundancy_sum - redundancy) <= max(_SUM, 1e-6 * redundancy)
+    """True where Σ r is the redundancy, but for round-off of exact cofactors: 10⁻³, or 10⁻⁶ of it in large systems."""
+    return abs(redundancy_sum - redundancy) <= max(1e-3, 1e-6 * redundancy)
 
 
 def beyond_use(quality: Quality) -> list[Undetermined]:
-    """Blocks with unknowns whose σ is larger than the scale they live on; those first that are worst.
+    """Blocks with unknowns whose σ is larger than the scale they live on; at most 1000, those first that are worst.
 
     σ are those of :func:`sigma_of_geometry`.
     """
@@ -224,7 +212,8 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
             continue
         variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
         sigma = factor * np.sqrt(np.maximum(variance, 0.0))
-        away = _distances(quality.adjustment) / _FAR if kind == "point" else np.zeros(len(columns))
+        # A far point counts as determined if it is 3 σ away from the rest.
+        away = _distances(quality.adjustment) / 3.0 if kind == "point" else np.zeros(len(columns))
         beyond = (columns >= 0) & ~(sigma <= np.maximum(limit, away)[:, None])
         beyond &= ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
@@ -238,7 +227,7 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
             found.append((float(np.nan_to_num(amounts / limit, nan=np.inf).max()), labels, amounts))
     found.sort(key=lambda one: -one[0])
     return [
-        Undetermined(labels, tuple(float(x) for x in amounts / amounts.max())) for _, labels, amounts in found[:_TOLD]
+        Undetermined(labels, tuple(float(x) for x in amounts / amounts.max())) for _, labels, amounts in found[:1000]
     ]
 
 
@@ -247,7 +236,8 @@ def sigma_of_geometry(quality: Quality) -> float:
 
     Residuals that are too large say nothing about the geometry. If the stated σ only mean ratios, they are far larger
     than the errors, and the factor is σ0. Residuals of error-free observations vanish, whatever the σ are. So the
-    factor is at least the one by which a typical observation is good to ``_TYPICAL`` of the size of the network.
+    factor is at least the one by which a typical observation is good to 10⁻³ of the size of the network, a tenth
+    of what linear equations bear.
     """
     if quality.sigma0 >= 1.0:
         return 1.0
@@ -257,13 +247,13 @@ def sigma_of_geometry(quality: Quality) -> float:
         slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
         if not slots or group.count == 0:
             continue
-        rows: IntArray = np.unique(np.linspace(0, group.count - 1, _SAMPLED).astype(np.int64))
+        rows: IntArray = np.unique(np.linspace(0, group.count - 1, 500).astype(np.int64))  # a sample
         jacobians = evaluated(group, adjustment.values, rows).jacobians
         change = size * np.sqrt(sum(np.sum(jacobians[k] ** 2, axis=2) for k in slots))
-        told = (group.mask & ~group.left_out)[rows] & (change > 0.0)
+        told = group.used[rows] & (change > 0.0)
         relative.append(group.sigma[rows][told] / change[told])
     typical = np.median(np.concatenate(relative)) if relative else 0.0
-    return float(min(1.0, max(quality.sigma0, _TYPICAL / typical if typical > 0.0 else 1.0)))
+    return float(min(1.0, max(quality.sigma0, 1e-3 / typical if typical > 0.0 else 1.0)))
 
 
 def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
@@ -282,7 +272,8 @@ def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
     linear = float(image_of(adjustment.plan, values, direction[:, None])[0, 0])
     before = objective(adjustment.plan, values)
     moved = [objective(adjustment.plan, move(problem.index, values, sign * direction)) for sign in (1.0, -1.0)]
-    return min(moved) - before > max(_SEEN, _BENT * linear)
+    # An increase of vᵀPv by 3 σ, and a hundred times what the linear equations say where these do not hold.
+    return min(moved) - before > max(9.0, 100.0 * linear)
 
 
 def _has_direction(quality: Quality, block: int, size: float, factor: float) -> bool:
@@ -299,7 +290,8 @@ def _has_direction(quality: Quality, block: int, size: float, factor: float) -> 
     variances = np.sort(rotations.eigvalsh(quality.cofactors["point"][block]))
     sigma = factor * np.sqrt(np.maximum(variances, 0.0))
     distance = _distances(quality.adjustment)[block]
-    return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, _NARROW * distance))
+    # A direction is known up to a σ of 0.05 rad, the angle below which rays are nearly parallel.
+    return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, 0.05 * distance))
 
 
 def median_distance(adjustment: Adjustment) -> float:
@@ -366,8 +358,6 @@ def told_by_user(quality: Quality, kind: str) -> BoolArray:
 # Columns of the inverse come from one solution each; the S-transformation carries them into the datum, which
 # also makes them independent of the minimal datum the factorisation happened to take.
 
-_AT_A_TIME = 200
-
 
 class RelativeEllipsoid(NamedTuple):
     """Precision of the difference of two points (second minus first)."""
@@ -385,11 +375,11 @@ def joint_cofactors(quality: Quality, columns: IntArray) -> FloatArray:
     used = np.unique(columns[columns >= 0])
     inverse = quality.adjustment.inverse
     result = np.zeros((len(used), len(used)))
-    for first in range(0, len(used), _AT_A_TIME):
-        part = used[first : first + _AT_A_TIME]
+    for piece in pieces(len(used), 200):
+        part = used[piece]
         right = np.zeros((quality.adjustment.problem.index.count, len(part)))
         right[part, np.arange(len(part))] = 1.0
-        result[:, first : first + len(part)] = inverse.solve(right)[used]
+        result[:, piece] = inverse.solve(right)[used]
     result = 0.5 * (result + result.T) + quality.datum.correction(used, used)
     where = np.searchsorted(used, np.maximum(columns, used.min(initial=0)))
     free = columns >= 0
@@ -397,11 +387,15 @@ def joint_cofactors(quality: Quality, columns: IntArray) -> FloatArray:
     return np.where(free[:, None] & free[None, :], picked, 0.0)
 
 
+def cofactors_of_difference(quality: Quality, first: int, second: int) -> FloatArray:
+    """(3, 3) cofactors of the difference of two point blocks."""
+    q = joint_cofactors(quality, quality.adjustment.problem.index.columns["point"][[first, second]].ravel())
+    return q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
+
+
 def relative_ellipsoid(quality: Quality, first: int, second: int) -> RelativeEllipsoid:
     """Relative error ellipsoid between two point blocks."""
-    columns = quality.adjustment.problem.index.columns["point"][[first, second]].ravel()
-    q = joint_cofactors(quality, columns) * quality.sigma_factor**2
-    covariance = q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
+    covariance = cofactors_of_difference(quality, first, second) * quality.sigma_factor**2
     eigenvalues, _ = rotations.eigh(0.5 * (covariance + covariance.T))
     points = quality.adjustment.values["point"]
     return RelativeEllipsoid(points[second] - points[first], covariance, np.sqrt(np.maximum(eigenvalues[::-1], 0.0)))

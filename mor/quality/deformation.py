@@ -13,7 +13,7 @@ from mor.model.parameters import COSINE, MOTIONS, SINE, VELOCITY
 from mor.model.trajectory import basis
 from mor.project.entities import MovingPoint, TimeModel
 from mor.project.network import Network
-from mor.quality.assessment import Quality, joint_cofactors
+from mor.quality.assessment import Quality, cofactors_of_difference, joint_cofactors
 from mor.quality.solution import Solved
 from mor.quality.test_statistics import log_p_chi2, log_p_f, sidak
 from mor.solve.datum import network_components
@@ -54,15 +54,23 @@ class VectorTests(NamedTuple):
         return np.where(self.freedom > 0, found, np.nan)
 
 
-def vector_tests(d: FloatArray, q: FloatArray) -> VectorTests:
-    """Tests of vectors d (n, k) with cofactors q (n, k, k); directions without any variance are left out."""
+def _quadratic_forms(d: FloatArray, q: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Dᵀ Q⁺ d (n,) of vectors d (n, k) with cofactors q (n, k, k), and the ranks h (n,) of these.
+
+    Directions without any variance are left out.
+    """
     size = np.sqrt(np.maximum(np.diagonal(q, axis1=1, axis2=2), 0.0))
     scale = np.where(size > 0.0, size, 1.0)
     eigenvalues, axes = rotations.eigh(q / (scale[:, :, None] * scale[:, None, :]))
     used = eigenvalues > _RANK * np.maximum(eigenvalues[:, -1:], 1e-300)
     along = np.einsum("nki,nk->ni", axes, d / scale)
     total = np.sum(np.where(used, along**2 / np.where(used, eigenvalues, 1.0), 0.0), axis=1)
-    freedom = np.count_nonzero(used, axis=1)
+    return total, np.count_nonzero(used, axis=1)
+
+
+def vector_tests(d: FloatArray, q: FloatArray) -> VectorTests:
+    """Tests of vectors d (n, k) with cofactors q (n, k, k)."""
+    total, freedom = _quadratic_forms(d, q)
     longest = np.sqrt(np.maximum(rotations.eigvalsh(q)[:, -1], 0.0))
     return VectorTests(d, q, total / np.maximum(freedom, 1), freedom, longest)
 
@@ -118,26 +126,19 @@ class Congruence(NamedTuple):
 
 
 def movement_test(d: FloatArray, q: FloatArray, variance: float, redundancy: int) -> MovementTest:
-    """Test of a movement d (k,) with cofactors q (k, k); directions without any variance are left out."""
-    size = np.sqrt(np.maximum(np.diagonal(q), 0.0))
-    scale = np.where(size > 0.0, size, 1.0)
-    eigenvalues, axes = rotations.eigh(q / np.outer(scale, scale))
-    used = eigenvalues > _RANK * max(float(eigenvalues[-1]), 1e-300)
-    along = axes[:, used].T @ (d / scale)
-    freedom = int(np.count_nonzero(used))
-    total = float(np.sum(along**2 / eigenvalues[used]))
-    mean = total / freedom if freedom else 0.0
+    """Test of a movement d (k,) with cofactors q (k, k)."""
+    totals, ranks = _quadratic_forms(d[None], q[None])
+    freedom = int(ranks[0])
+    mean = float(totals[0]) / freedom if freedom else 0.0
     ratio = mean / variance if variance > 0.0 else np.inf
-    log_p = log_p_chi2(np.array([total]), np.array([float(freedom)]))
-    log_estimated = log_p_f(np.array([ratio]), float(freedom), redundancy)
-    return MovementTest(d, np.sqrt(variance) * size, mean, ratio, freedom, float(log_p[0]), float(log_estimated[0]), q)
+    log_p, log_estimated = float(log_p_chi2(totals, ranks.astype(float))[0]), float(log_p_f(ratio, freedom, redundancy))
+    sigma = np.sqrt(variance * np.maximum(np.diagonal(q), 0.0))
+    return MovementTest(d, sigma, mean, ratio, freedom, log_p, log_estimated, q)
 
 
 def pair_movement(quality: Quality, first: int, second: int) -> MovementTest:
     """Movement from one point to another of the same adjustment, in which every epoch has its own points."""
-    columns = quality.adjustment.problem.index.columns["point"][[first, second]].ravel()
-    q = joint_cofactors(quality, columns)
-    cofactors = q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
+    cofactors = cofactors_of_difference(quality, first, second)
     points = quality.adjustment.values["point"]
     d = np.where(np.diagonal(cofactors) > 0.0, points[second] - points[first], 0.0)
     return movement_test(d, cofactors, quality.sigma0**2, quality.redundancy)
@@ -241,8 +242,6 @@ def strained(before: Solved, after: Solved) -> bool:
 # step) are tested against zero. All of these tests together reject by mistake with the level of the tests of
 # groups; each has its share (Šidák; for small levels that of Bonferroni).
 
-MOST_COLUMNS = 2_000
-"""Coordinates of single epochs whose joint cofactors are worked out unasked: each costs a solution of the system."""
 _ROOM = 6
 """Components of the longest vector: an annual oscillation."""
 _KINDS = tuple(kind.key for kind in MOTIONS)
@@ -295,7 +294,7 @@ def movements(solved: Solved) -> MovementTests | None:
     wide = sum(3 * count for count in places if count > 1)
     between, unlisted = _Vectors(), 0
     for point, pairs, count in zip(points, asked, places, strict=True):
-        if wide > MOST_COLUMNS and count > 1:
+        if wide > 2_000 and count > 1:  # their joint cofactors cost a solution of the system for each coordinate
             unlisted += 1
             continue
         found.between(point, pairs, between)
@@ -386,9 +385,10 @@ class _Positions:
                 into.add(point.name, "annual oscillation", ("", ""), both, joint[6:, 6:])
         before = point.block
         for _, block in point.steps:
-            d, q = self._difference(before, block)
+            places = self.quality.adjustment.values["point"]
+            q = cofactors_of_difference(self.quality, before, block)
             label = self.quality.adjustment.problem.index.blocks["point"].ids[block].rpartition("@")[2]
-            into.add(point.name, "step", ("", label), d, q)
+            into.add(point.name, "step", ("", label), places[block] - places[before], q)
             before = block
 
     def between(self, point: MovingPoint, pairs: list[tuple[int, int]], into: _Vectors) -> None:
@@ -436,12 +436,6 @@ class _Positions:
         )
         d = d + values["point"][blocks[1]] - values["point"][blocks[0]]
         return d, C @ joint_cofactors(self.quality, joint) @ C.T
-
-    def _difference(self, before: int, after: int) -> tuple[FloatArray, FloatArray]:
-        columns = self.quality.adjustment.problem.index.columns["point"][[before, after]].ravel()
-        q = joint_cofactors(self.quality, columns)
-        values = self.quality.adjustment.values["point"]
-        return values[after] - values[before], q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
 
     def _joint(self, block: int, motions: list[int]) -> FloatArray:
         """(12, 12) of coordinates, velocity, sine and cosine."""
@@ -501,8 +495,7 @@ def common_points(first: Network, second: Network) -> tuple[str, ...]:
 
 def over_points(network: Network, names: tuple[str, ...], coordinates: FloatArray) -> Network:
     """The network, free over named points, the datum referring to their coordinates (n, 3), internal axes."""
-    points = network.things["point"]
-    blocks = np.array([points.part(name, "position") for name in names], dtype=np.int64)
+    blocks = blocks_of(network, names)
     mask = np.zeros_like(network.datum.mask)
     mask[blocks] = True
     reference = network.start["point"].copy()

@@ -26,17 +26,14 @@ from mor.project.network import (
 )
 from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
+from mor.quality.test_statistics import robust_sigma
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
 from mor.solve.iterate import A_WEAK_TURN, PAST_CAMERAS, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Parts of a network that no observation connects: each would need a datum of its own.
-
-_TIES = ("point", "rotation", "base")
-"""Kinds of blocks that tie observations together in space. A shared camera or refraction coefficient does not."""
-_NAMED = ("image", "station", "system", "point")
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
     """
     blocks = network.blocks
     first, count = {}, 1  # node 0 is the ground: everything that is fixed
-    for kind in _TIES:
+    for kind in ("point", "rotation", "base"):  # a shared camera or refraction coefficient ties nothing in space
         if kind in blocks:
             first[kind] = count
             count += len(blocks[kind].ids)
@@ -101,7 +98,7 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
-    for space in _NAMED:
+    for space in ("image", "station", "system", "point"):
         things = network.things[space]
         for name, position in zip(things.ids, things.parts["position"], strict=True):
             if absent[position]:
@@ -381,11 +378,6 @@ def _apart(network: Network, touched: set[tuple[str, str]]) -> set[tuple[str, st
 
 # ---- How well the rays of a network meet at given values, before anything is adjusted.
 
-_SAMPLE = 20_000
-"""Rays of a group that tell how well the values fit."""
-_NORMAL = 1.4826
-"""σ of normally distributed errors over the median of their sizes."""
-
 
 def misfit(network: Network, values: Values, but: IntArray) -> float:
     """Return the median distance between rays and their points in units of σ (of normal errors), at least 1.
@@ -400,11 +392,10 @@ def misfit(network: Network, values: Values, but: IntArray) -> float:
     for group in network.groups:
         if can_be_at_infinity(group.type):
             rows = np.flatnonzero(~apart[group.blocks[target_slot(group.type)]])
-            rows = rows[:: max(1, len(rows) // _SAMPLE)]
+            rows = rows[:: max(1, len(rows) // 20_000)]  # so many tell how well the values fit
             sizes.append((misclosures(group, values, rows) / group.sigma[rows]).ravel())
     sample = np.abs(np.concatenate(sizes))
-    sample = sample[np.isfinite(sample)]
-    return max(1.0, _NORMAL * float(np.median(sample))) if len(sample) else 1.0
+    return max(1.0, robust_sigma(sample[np.isfinite(sample)]))
 
 
 # ---- Whether a point at infinity has a parallax after all, when poses may give way to it: a test at the solution.
@@ -428,10 +419,6 @@ def misfit(network: Network, values: Values, but: IntArray) -> float:
 
 _FAR = 1e-3
 """Inverse distance, in units of its σ at given poses, at which derivatives are taken."""
-_AT_A_TIME = 64
-"""Right-hand sides that are solved for together."""
-_TOGETHER = 512
-"""Inverse distances that are unknowns together."""
 
 
 def with_free_poses(
@@ -442,16 +429,16 @@ def with_free_poses(
     ``network`` has the points ``far`` as points, ``reduced`` and its ``adjustment`` as directions; ``values`` are those
     of the blocks of ``network`` at the solution; ``critical`` is the quantile of the test.
     """
-    known = [k for k, p in enumerate(far.points.tolist()) if p in reduced.directions]
-    if not known:
+    known: IntArray = np.flatnonzero([p in reduced.directions for p in far.points.tolist()])
+    if not len(known):
         return far
     distance = 1.0 / (_FAR * far.sigma)
     points = values["point"].copy()
     points[far.points] = far.centres + far.directions * distance[:, None]
     places = {**values, "point": points}
     inverse, sigma = far.inverse.copy(), far.sigma.copy()
-    for first in range(0, len(known), _AT_A_TIME):
-        some = np.array(known[first : first + _AT_A_TIME])
+    for piece in pieces(len(known), 64):
+        some = known[piece]
         size, product, through = _equations(network, reduced, adjustment, places, far, some)
         left = size - np.einsum("uk,uk->k", through, adjustment.inverse.solve(through))
         told = left > 0.0
@@ -459,7 +446,7 @@ def with_free_poses(
         sigma[some[told]] = 1.0 / np.sqrt(left[told])
     bent = np.zeros(len(inverse), dtype=bool)
     bent[known] = np.abs(inverse[known]) > critical * sigma[known]
-    for some in np.array_split(np.flatnonzero(bent), 1 + np.count_nonzero(bent) // _TOGETHER):
+    for some in np.array_split(np.flatnonzero(bent), 1 + np.count_nonzero(bent) // 512):
         if len(some):
             size, product, through = _equations(network, reduced, adjustment, places, far, some)
             left = np.diag(size) - through.T @ adjustment.inverse.solve(through)
@@ -527,12 +514,7 @@ PUT_ANYWHERE = (
 """Reasons of outcomes."""
 OF_THE_START = (AT_THE_START, PUT_ANYWHERE)
 """Those that say nothing of the observations."""
-MISFIT = 10.0
-"""vᵀPv by the number of observations, from which on values do not fit them."""
-STEPS = 5
-"""Further steps that are looked at."""
 LISTED = 20
-_ROWS = 50_000
 
 
 class UnsettledUnknowns(NamedTuple):
@@ -559,8 +541,7 @@ def last_movements(adjustment: Adjustment) -> UnsettledUnknowns:
     diagonal = np.zeros(problem.index.count + 1)
     tangent = rotation_tangents(problem.index, adjustment.values)
     for group in problem.groups:
-        for start in range(0, group.count, _ROWS):
-            rows: IntArray = np.arange(start, min(start + _ROWS, group.count))
+        for rows in pieces(group.count, 50_000):
             found = linearise(group, problem.index, adjustment.values, tangent, rows)
             weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
             squares = np.nan_to_num(np.sum((weight[:, :, None] * found.jacobian) ** 2, axis=1))
@@ -607,8 +588,8 @@ def _ran_away(adjustment: Adjustment) -> bool:
 
 
 def fits(adjustment: Adjustment) -> bool:
-    """True where residuals are of the size of their σ, solution or not."""
-    return adjustment.normals.objective <= MISFIT * adjustment.problem.observations
+    """True where residuals are of the size of their σ, solution or not: vᵀPv is at most 10 for each observation."""
+    return adjustment.normals.objective <= 10.0 * adjustment.problem.observations
 
 
 def only_here(adjustment: Adjustment) -> bool:
@@ -623,10 +604,10 @@ def only_here(adjustment: Adjustment) -> bool:
 
 
 def _further_steps(adjustment: Adjustment) -> FloatArray:
-    """(u, s) steps of the iteration if it went on from its last values."""
+    """(u, s) steps of the iteration if it went on from its last values, at most five."""
     problem, values = adjustment.problem, adjustment.values
     steps: list[FloatArray] = []
-    while len(steps) < STEPS and adjustment.outcome is Outcome.NOT_CONVERGED:
+    while len(steps) < 5 and adjustment.outcome is Outcome.NOT_CONVERGED:
         after = adjust(problem, values, SolverSettings(max_iterations=1))
         if not after.iterations or after.outcome is Outcome.DIVERGED:
             break
@@ -666,16 +647,6 @@ PASSING = "steps lead it past a camera that sees it"
 BEYOND_FOLD = "an image sees it where the distortion of its camera folds the image"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
-FEWEST_OF_DATUM = 3
-"""Points with all coordinates in the datum that determine any movement of a network."""
-_NO_PARALLAX = 1e-3
-"""Inverse distance in units of its σ below which a point is at infinity: vᵀPv is the same to 1e-6 there."""
-_SAME = 1e-3
-"""Part of vᵀPv within which two solutions fit alike."""
-_TOO_NEAR = 1e-6
-"""Distance from a projection centre, in parts of the median one, at which N loses all digits of the image."""
-EXPLAINED = 30
-"""Loose things up to which the null space of the whole network is worked out to explain them."""
 
 
 class Means(NamedTuple):
@@ -783,7 +754,8 @@ def _without_misplaced(network: Network, start: Values) -> Network:
         known: BoolArray = np.asarray(np.isfinite(ray).all(axis=1))
         ray = np.where(known[:, None], ray, 0.0)
         distance = np.linalg.norm(ray, axis=1)
-        in_centre[target[known & (distance < _TOO_NEAR * np.median(distance))]] = True
+        # So near to a projection centre N loses all digits of the image.
+        in_centre[target[known & (distance < 1e-6 * np.median(distance))]] = True
         beyond_fold[target[_folded(group, start, ray, distance)]] = True
     unknown = network.blocks["point"].free.all(axis=1) & ~np.isfinite(network.sigma["point"]).any(axis=1)
     network = without_points(network, np.flatnonzero(unknown & in_centre), IN_CENTRE)
@@ -908,7 +880,7 @@ def _is_worse(before: tuple[Attempt, RayPoints], after: tuple[Attempt, RayPoints
     more = max(len(after[1].points) - len(before[1].points), 0)
     factor = max(squares / max(first.problem.observations - first.problem.index.count, 1), 1.0)
     limit = float(chdtri(more, erfc(critical / np.sqrt(2.0)))) if more else 0.0
-    return then.normals.objective - squares > max(factor * limit, _SAME * squares)
+    return then.normals.objective - squares > max(factor * limit, 1e-3 * squares)
 
 
 def _of_all(attempt: Attempt) -> Adjustment | None:
@@ -920,9 +892,9 @@ def _of_all(attempt: Attempt) -> Adjustment | None:
 
 
 def _without_parallax(values: Values, found: RayPoints) -> BoolArray:
-    """(k,) true for points so far away that observations hardly change if they are at infinity."""
+    """(k,) true for points so far away that vᵀPv is the same to 10⁻⁶ if they are at infinity: 1/d is below 10⁻³ σ."""
     distance = np.linalg.norm(values["point"][found.points] - found.centres, axis=1)
-    return np.asarray(~found.from_one_place() & (distance * found.sigma * _NO_PARALLAX >= 1.0))
+    return np.asarray(~found.from_one_place() & (distance * found.sigma * 1e-3 >= 1.0))
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
@@ -935,7 +907,7 @@ def _with_reference(network: Network, start: Values, values: Values, doubted: In
     datum = network.datum
     mask = datum.mask.copy()
     mask[doubted] = False
-    if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
+    if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= 3:  # they determine any movement of a network
         datum = datum._replace(mask=mask)
     if datum.reference is None:
         begun = np.where(np.isfinite(start["point"]), start["point"], values["point"])
@@ -987,7 +959,7 @@ def _adjusted(
     reduced = without_loose(without_points(whole, blind, ONE_PLACE), begun, means.make)
     loose = reduced.undeterminable[len(whole.undeterminable) :]
     named = (*whole.undeterminable, *(thing._replace(treatment="") for thing in loose))
-    if loose and not leave and len(loose) <= EXPLAINED:
+    if loose and not leave and len(loose) <= 30:  # so few are explained by the null space of the whole network
         return replace(whole, undeterminable=named), means.solve(whole, begun)
     if not _something_left(reduced):
         raise NoStartValuesError(reduced.undeterminable, ["nothing is left to adjust"])

@@ -13,7 +13,7 @@ from mor.quality.redundancy import Reliability
 from mor.quality.test_statistics import comparable, in_pieces, least_alike
 from mor.solve.iterate import Adjustment
 from mor.solve.problem import cluster_rows, linearise, rotation_tangents
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -72,9 +72,6 @@ def gradient(adjustment: Adjustment, entry: ObservationComponent) -> tuple[IntAr
 #     reduced system   b_r − C N_p⁻¹ b_p,    x_r = Q_rr of it
 #     the point        x_p = N_p⁻¹ (b_p − Cᵀ x_r)
 
-_RAYS = 20_000
-"""At a time: larger arrays than these make are had from the system again each time, which clears them first."""
-
 
 class EliminatedPoints(NamedTuple):
     """P points that are eliminated during accumulation."""
@@ -117,8 +114,9 @@ def eliminated_points(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoi
             continue
         number = place[group.blocks[-1]]
         seen = np.flatnonzero(number >= 0)
-        for first in range(0, len(seen), _RAYS):
-            rows = seen[first : first + _RAYS]
+        # Larger arrays than these would be had from the system again each time, which clears them first.
+        for piece in pieces(len(seen), 20_000):
+            rows = seen[piece]
             part = linearise(group, problem.index, adjustment.values, tangent, rows)
             weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
             J = part.jacobian * weight[:, :, None]
@@ -134,9 +132,6 @@ def eliminated_points(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoi
 
 
 # ---- Solutions of the normal equations for right-hand sides that touch few points.
-
-_FEW = 20_000
-"""Eliminated points up to which their rays are gathered; beyond that takes more memory than passes over all rays."""
 
 
 class NormalEquationSolver(NamedTuple):
@@ -190,6 +185,10 @@ class NormalEquationSolver(NamedTuple):
 
 def _dense(matrix: AnyMatrix) -> FloatArray:
     return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())
+
+
+_FEW = 20_000
+"""Eliminated points up to which their rays are gathered; beyond that takes more memory than passes over all rays."""
 
 
 def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSolver:
@@ -317,8 +316,6 @@ def _entries(rows: IntArray, columns: IntArray, values: FloatArray) -> MatrixEnt
 
 MOST = 200
 """Observations that are explained at most."""
-AT_LEAST = 10
-"""Observations that are explained where none is flagged."""
 
 
 class PointEffect(NamedTuple):
@@ -342,8 +339,6 @@ class PointEffect(NamedTuple):
 
 HARDLY_CONTROLLED = 1e-4
 """Redundancy number below which an error is estimated from less than a ten thousandth of it."""
-_FAR = 0.1
-"""Part of the size of the network beyond which a movement is none that an observation could cause unseen."""
 
 
 def effects(quality: Quality) -> list[PointEffect]:
@@ -351,8 +346,9 @@ def effects(quality: Quality) -> list[PointEffect]:
     entries = _chosen(quality)
     tested = _tested(quality, entries)
     points = [_points_of(quality, entry) for entry in entries]
-    moved = point_movements(quality, entries, tested[:, _ERROR], points)
-    far = _FAR * float(np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0))
+    moved = point_movements(quality, entries, tested[:, 2], points)
+    # No observation could cause a movement of a tenth of the network unseen.
+    far = 0.1 * float(np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0))
     return [_effect(*each, far) for each in zip(entries, tested, points, moved, strict=True)]
 
 
@@ -368,7 +364,7 @@ def _points_of(quality: Quality, entry: ObservationComponent) -> list[int]:
 
 def _chosen(quality: Quality) -> list[ObservationComponent]:
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
-    wanted = min(flagged, MOST) or AT_LEAST
+    wanted = min(flagged, MOST) or 10
     best: list[tuple[float, ObservationComponent]] = []
     for number, (one, group) in enumerate(zip(quality.reliability, quality.adjustment.problem.groups, strict=True)):
         size = _sizes(one)
@@ -390,9 +386,6 @@ def _largest(size: FloatArray, wanted: int) -> list[tuple[int, float]]:
     compared = comparable(size[candidates])
     order = np.argsort(-compared, kind="stable")[:wanted]
     return [(int(candidates[k]), float(compared[k])) for k in order if compared[k] > 0.0]
-
-
-_ERROR = 2
 
 
 def _tested(quality: Quality, entries: list[ObservationComponent]) -> FloatArray:

@@ -13,11 +13,11 @@ from mor.model.contract import ObservationGroup
 from mor.model.parameters import Index, Values, index_unknowns
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows
-from mor.quality.test_statistics import CONTROLLED, log_p_chi2, log_p_f
+from mor.quality.test_statistics import CONTROLLED, LEVEL, log_p_chi2, log_p_f, robust_sigma
 from mor.solve.datum import network_components
 from mor.solve.normals import Plan
 from mor.solve.problem import cluster_rows, linearise, rotation_tangents
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Check points and check distances: what observations that were kept out say of the result.
 #
@@ -155,9 +155,6 @@ def _forms(group: ObservationGroup, mask: BoolArray, component: int) -> list[_Fo
 # |N(0, 1)|, and that of the largest value. Both together have the level ``LEVEL`` for each table. The residuals are
 # correlated and s is estimated from them, so the tests reject true hypotheses a little less often than that.
 
-LEVEL = 1e-3
-_MEDIAN = 0.6744897501960817
-"""Median of |x| of a standard normal x."""
 _AT_LEAST = 5
 """Tested observations of a table from which on their distribution is judged."""
 
@@ -168,7 +165,7 @@ def fits_one_factor(quality: Quality) -> bool:
     every = np.concatenate([np.zeros(0), *sizes])
     if len(every) < _AT_LEAST:
         return True
-    factor = float(np.median(every)) / _MEDIAN
+    factor = robust_sigma(every)
     judged = [one for one in (every, *sizes) if len(one) >= _AT_LEAST]
     return factor > 0.0 and all(_is_normal(one / factor, LEVEL / len(judged)) for one in judged)
 
@@ -176,7 +173,7 @@ def fits_one_factor(quality: Quality) -> bool:
 def factor_of_group(quality: Quality, number: int) -> float | None:
     """Return the robust factor of the w of a table, None if too few of its observations are tested."""
     sizes = _tested(quality, number)
-    factor = float(np.median(sizes)) / _MEDIAN if len(sizes) >= _AT_LEAST else 0.0
+    factor = robust_sigma(sizes) if len(sizes) >= _AT_LEAST else 0.0
     return factor if factor > 0.0 else None
 
 
@@ -188,7 +185,7 @@ def fits_factor(quality: Quality, number: int, factor: float) -> bool:
 def _tested(quality: Quality, number: int) -> FloatArray:
     """(k,) |w| of the observations of a table that take part in the adjustment and are controlled."""
     group = quality.adjustment.problem.groups[number]
-    test = np.abs(quality.reliability[number].at(slice(None)).test)[group.mask & ~group.left_out]
+    test = np.abs(quality.reliability[number].at(slice(None)).test)[group.used]
     return cast("FloatArray", test[np.isfinite(test)])
 
 
@@ -237,9 +234,8 @@ def fixed_point_tests(quality: Quality) -> list[FixedPointTest]:
     points = np.flatnonzero(fixed.any(axis=1))[:MOST]
     at_a_time = max(1, 20_000_000 // (3 * max(problem.index.count, 1)))
     tests: list[FixedPointTest] = []
-    for first in range(0, len(points), at_a_time):
-        chosen = np.zeros_like(fixed)
-        some = points[first : first + at_a_time]
+    for piece in pieces(len(points), at_a_time):
+        chosen, some = np.zeros_like(fixed), points[piece]
         chosen[some] = fixed[some]
         tests += _tests(quality, some, chosen)
     return tests
@@ -357,6 +353,5 @@ def movement_test(
     rest = redundancy - freedom
     mean = total / freedom if freedom else 0.0
     ratio = mean / ((omega - total) / rest) if rest > 0 and omega > total else np.nan
-    log_p = log_p_chi2(np.array([total]), np.array([float(max(freedom, 1))]))
-    log_estimated = log_p_f(np.array([ratio]), float(max(freedom, 1)), rest)
-    return FixedPointTest(point, movement, freedom, mean, ratio, float(log_p[0]), float(log_estimated[0]))
+    log_p = float(log_p_chi2(total, max(freedom, 1)))
+    return FixedPointTest(point, movement, freedom, mean, ratio, log_p, float(log_p_f(ratio, max(freedom, 1), rest)))

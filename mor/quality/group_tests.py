@@ -16,9 +16,9 @@ from mor.project.entities import Entities, thing_of
 from mor.project.network import Network
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows, whitened_rows
-from mor.quality.test_statistics import CONTROLLED, ROWS_AT_A_TIME, log_p_chi2, log_p_f, log_p_normal, sidak
+from mor.quality.test_statistics import CONTROLLED, LEVEL, ROWS_AT_A_TIME, log_p_chi2, log_p_f, log_p_normal, sidak
 from mor.solve.problem import Problem
-from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray, pieces
 
 # ---- Which observations belong together: by table, image, camera, station, set, instrument, local system.
 #
@@ -155,7 +155,7 @@ def rows_of(partition: Partition, one: int, groups: tuple[ObservationGroup, ...]
     for number, group in enumerate(groups):
         inside = np.zeros(group.observed.shape, dtype=bool)
         rows = partition.members(number, one)
-        inside[rows] = (group.mask & ~group.left_out)[rows]
+        inside[rows] = group.used[rows]
         found.append(inside)
     return found
 
@@ -337,8 +337,7 @@ def _summed(quality: Quality, found: list[Partition]) -> list[Summed]:
     sums = [np.zeros((_SUMS, len(partition.names))) for partition in found]
     random = np.random.default_rng(1977)
     for number, one in enumerate(quality.groups):
-        for first in range(0, len(one.v), ROWS_AT_A_TIME):
-            rows = slice(first, first + ROWS_AT_A_TIME)
+        for rows in pieces(len(one.v), ROWS_AT_A_TIME):
             values = _of_rows(quality, number, rows, random)
             for partition, total in zip(found, sums, strict=True):
                 classes = partition.of_rows(number, rows)
@@ -437,8 +436,8 @@ def _beside_rest(quality: Quality, test: GroupStatistic) -> float:
     if rest <= CONTROLLED or rest_omega <= 0.0:
         return 0.0
     ratio, freedom = test.omega / test.redundancy / (rest_omega / rest), test.freedom
-    above = log_p_f(np.array([ratio]), freedom, rest)[0]
-    below = log_p_f(np.array([1.0 / ratio]), rest, freedom)[0] if ratio > 0.0 else -np.inf
+    above = float(log_p_f(ratio, freedom, rest))
+    below = float(log_p_f(1.0 / ratio, rest, freedom)) if ratio > 0.0 else -np.inf
     return float(min(np.log(2.0) + min(above, below), 0.0))
 
 
@@ -452,9 +451,6 @@ def rows_of_test(quality: Quality, partition: Partition, number: int) -> Whitene
 
 
 # ---- Whether anything is rejected: only then causes are looked for.
-
-LEVEL = 1e-3
-"""Of every question that is asked: is anything rejected; is a hypothesis better than none."""
 
 
 class Rejection(Enum):
@@ -494,7 +490,7 @@ def _largest(quality: Quality) -> float:
         rows = np.flatnonzero(flags.any(axis=1))
         if len(rows):
             largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
-    return float(log_p_normal(np.array([largest]))[0] + np.log(max(quality.adjustment.problem.observations, 1)))
+    return float(log_p_normal(largest) + np.log(max(quality.adjustment.problem.observations, 1)))
 
 
 # ---- What flagged observations have in common: a point, image, camera, station, set, instrument or table.
@@ -504,7 +500,6 @@ def _largest(quality: Quality) -> float:
 # the n rows of a point would be at most binomial with the share of flagged rows. The thing with the smallest
 # probability is named. Without its rows the next one is looked for, as long as the family-wise level is kept.
 
-NAMED = 3
 _AT_LEAST = 2
 
 
@@ -543,7 +538,7 @@ def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagg
     counted: BoolArray = np.concatenate([np.zeros(0, bool), *(u.any(axis=1) for u in used)])
     memberships = list(_memberships(quality, network))
     found: list[CommonToFlagged] = []
-    for _ in range(NAMED):
+    for _ in range(3):
         best = _clearest(memberships, flagged & counted, counted)
         if best is None:
             break

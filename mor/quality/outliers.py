@@ -25,6 +25,7 @@ from mor.quality.robust_estimation import (
     robust_scales,
     settled_weights,
 )
+from mor.quality.test_statistics import LEVEL, MEDIAN_OF_NORMAL, robust_sigma
 from mor.solve.inverse import normalised_misclosures
 from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem, misclosures
@@ -44,8 +45,9 @@ from mor.types import BoolArray, FloatArray, IntArray
 # unknowns, the best of m alike; r is the part of the changed observations that is controlled
 # (:func:`mor.diagnose.hypothesis.controlled_part`).
 
-_MEDIAN = 0.6745
-"""Median of |x| of a standard normal x."""
+
+BY_CHANCE = float(-2.0 * np.log(LEVEL))
+"""By how much chance may make L smaller."""
 
 
 def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
@@ -67,7 +69,7 @@ def _costs_of_rows(sizes: FloatArray, count: int, most: float) -> FloatArray:
     A few that contradict each other would have any k at a place that fits none of them.
     """
     plain = np.sum(costs_of_sizes(sizes, count), axis=1)
-    factor = np.clip(np.median(sizes, axis=1) / _MEDIAN, 1.0, max(most, 1.0))
+    factor = np.clip(np.median(sizes, axis=1) / MEDIAN_OF_NORMAL, 1.0, max(most, 1.0))
     scaled = np.sum(costs_of_sizes(sizes / factor[:, None], count), axis=1)
     return np.asarray(np.minimum(plain, scaled + 2.0 * sizes.shape[1] * np.log(factor)))
 
@@ -87,11 +89,6 @@ def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:
     """Robust factor of all σ: the median of |v|/σ (n, m) by group over that of a normal distribution; 1 without any."""
     every = observed(sizes)
     return robust_sigma(every) if every.size else 1.0
-
-
-def robust_sigma(sizes: FloatArray) -> float:
-    """σ (n,) absolute deviations have by their median; 0 of none."""
-    return float(np.median(sizes)) / _MEDIAN if sizes.size else 0.0
 
 
 def price_of_gross_error(count: int) -> float:
@@ -118,14 +115,6 @@ SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
 POINTS = 200
 """Points that are looked at, the most doubtful first."""
-_SHARED = 3
-"""Components of observations that may fit a point at two places."""
-_ROWS = 8
-"""Rows of a point that are put together."""
-_SINGULAR = 4.0 * float(np.finfo(np.float64).eps)
-"""Part of the largest singular value of observations below which they do not tell a direction."""
-_ENDS = ("point", "to", "from")
-"""Whose a slot is that holds a point which is observed, and no place of a frame."""
 OF_THEMSELVES = ("observed/", "coordinates", "control")
 """Types of observations that tell where a point is without seeing it."""
 
@@ -208,7 +197,8 @@ def slots_of_ends(group: ObservationGroup) -> list[int]:
     """The slots of points that a group tells of, without seeing by itself where they are."""
     if group.type.key.startswith(OF_THEMSELVES):
         return []
-    return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in _ENDS]
+    ends = ("point", "to", "from")  # of a point that is observed, and no place of a frame
+    return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in ends]
 
 
 def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()) -> list[int]:
@@ -220,13 +210,13 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
     """
     bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
     for group, size in zip(problem.groups, sizes, strict=True):
-        used = group.mask & ~group.left_out
+        used = group.used
         suspect = (used & (size > SUSPECT)).any(axis=1)
         told = np.count_nonzero(used, axis=1)
         for slot in slots_of_ends(group):
             np.add.at(bad, group.blocks[slot], np.where(suspect, told, 0))
             np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
-    in_doubt = (bad > 0) & (good <= bad + _SHARED)
+    in_doubt = (bad > 0) & (good <= bad + 3)
     in_doubt[list(but)] = False
     points = np.flatnonzero(in_doubt)
     points = points[np.argsort((good - bad)[points], kind="stable")]
@@ -234,9 +224,9 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:
-    found, left = [], _ROWS
+    found, left = [], 8  # rows of a point that are put together
     for group in problem.groups:
-        used = group.mask & ~group.left_out
+        used = group.used
         for slot in slots_of_ends(group):
             rows = np.flatnonzero((group.blocks[slot] == point) & used.any(axis=1))[:left]
             found += [_Observed(group, rows, slot, used[rows])] if len(rows) else []
@@ -297,7 +287,8 @@ def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few:
         rows, off = np.split(
             np.concatenate([np.dstack([jacobians, residuals]), none], axis=1)[at, few[goes_on]], [3], 2
         )
-        places[goes_on] += (rotations.pinv(rows, rcond=_SINGULAR) @ off)[:, :, 0]
+        # Observations do not tell a direction whose singular value is round-off of the largest.
+        places[goes_on] += (rotations.pinv(rows, rcond=4.0 * float(np.finfo(np.float64).eps)) @ off)[:, :, 0]
     return places
 
 
@@ -353,30 +344,12 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
-_BENT = 10.0 * _WORSE
-"""The same after the first steps of all observations, from which on no solution of them is expected to fit."""
-_FIRST_STEPS = SolverSettings(2)
-"""At most four iterations."""
-_FITS = 0.01
-"""vᵀPv by the redundancy below which no observation is a suspect: residuals are a tenth of their σ."""
-_LONG_TAILS = 1.6
-"""Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
-_TOO_SMALL = 30.0
-"""Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
-_BESIDE, _PART = 0.5, 0.1
-"""Least arc (rad) from a ray to its point on another branch of the projection; part of it that the residual may be."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
-_MANY = 3
-"""Degrees of freedom left for each that suspects take, from which the rest outvotes them beyond doubt."""
-_LEVEL = 1e-3
-"""Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
-_FROM_NEAR = 15
-"""Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
 BY_WEIGHTS = (
     "the start values lead to no solution, or to one that fits badly; "
     "all observations were adjusted again from a solution with graduated weights"
@@ -439,14 +412,15 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
     if not _fits_badly(adjustment):
         return False
     overall, problem = _overall(adjustment), adjustment.problem
-    if overall > _TOO_SMALL:
+    # Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on.
+    if overall > 30.0:
         return True
-    return overall > _WORSE and adjustment.normals.objective > problem.observations * (_LONG_TAILS * overall) ** 2
+    # Root mean square of residuals by their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them.
+    return overall > _WORSE and adjustment.normals.objective > problem.observations * (1.6 * overall) ** 2
 
 
 def _fits_badly(adjustment: Adjustment) -> bool:
-    problem = adjustment.problem
-    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
+    redundancy = adjustment.redundancy
     return redundancy > 0 and adjustment.normals.objective > redundancy * _WORSE**2
 
 
@@ -462,8 +436,8 @@ def _sees_beside(adjustment: Adjustment) -> bool:
         if is_on_the_sphere(group.type):
             arc = misclosures(group, adjustment.values)
             v = misclosures(own, adjustment.values)
-            far = np.linalg.norm(arc, axis=1) > _BESIDE
-            less = np.linalg.norm(v / own.sigma, axis=1) < _PART * np.linalg.norm(arc / group.sigma, axis=1)
+            far = np.linalg.norm(arc, axis=1) > 0.5  # rad
+            less = np.linalg.norm(v / own.sigma, axis=1) < 0.1 * np.linalg.norm(arc / group.sigma, axis=1)
             if (far & less).any():
                 return True
     return False
@@ -510,7 +484,7 @@ def without_suspects(
         return other._replace(suspects=suspects)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
-    if plain.normals.objective < _FITS * _freedom(plain):
+    if plain.normals.objective < 0.01 * plain.redundancy:  # residuals are a tenth of their σ: none is a suspect
         return Attempt(plain)
     return _repaired(plain, settings, watch)
 
@@ -518,7 +492,8 @@ def without_suspects(
 def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
-    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > _HOPELESS:
+    # From a robust σ of 10⁴ σ on not even half of the observations fit, whatever is left out.
+    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > 1e4:
         return from_far()._replace(robust=found.values)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
@@ -534,10 +509,6 @@ def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     if second is None or (converged and _left_out_count(second) >= _left_out_count(first)):
         return first
     return second._replace(robust=other.values)
-
-
-_HOPELESS = 1e4
-"""Robust σ0 in terms of that a priori above which not even half of the observations fit, whatever is left out."""
 
 
 def _left_out_count(attempt: Attempt) -> int:
@@ -569,7 +540,7 @@ def _with_frames_put_back(problem: Problem, found: Graduated, start: Values, wat
     alone = replace(problem, index=index_unknowns(blocks))
     there = graduated_weights(alone, {**found.values, ROTATION.key: frames}, watch)
     other = settled_weights(problem, there.values, watch)
-    costs = [cost_of_residuals(one.sizes, _used(problem)) for one in (other, found)]
+    costs = [cost_of_residuals(one.sizes, problem.observations) for one in (other, found)]
     return other if costs[0] < costs[1] else found
 
 
@@ -578,7 +549,7 @@ def _contradicted_frames(problem: Problem, suspects: Sequence[BoolArray]) -> Boo
     seen, wrong = np.zeros((2, len(problem.index.columns[ROTATION.key])), dtype=np.int64)
     for group, mask in zip(problem.groups, suspects, strict=True):
         for blocks in group.blocks_of(ROTATION.key):
-            np.add.at(seen, blocks, (group.mask & ~group.left_out).any(axis=1))
+            np.add.at(seen, blocks, group.used.any(axis=1))
             np.add.at(wrong, blocks, mask.any(axis=1))
     return np.asarray(2 * wrong > seen)
 
@@ -597,7 +568,8 @@ def _attempt(
         return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
     of_all = cache(partial(adjust, problem, found.values, most, watch))
-    if not _overall(adjust(problem, found.values, _FIRST_STEPS, watch)) > _BENT * scale:
+    # The first four iterations at most tell whether a solution of all observations may fit.
+    if not _overall(adjust(problem, found.values, SolverSettings(2), watch)) > 10.0 * _WORSE * scale:
         again = of_all()
         if _is_minimum(again, plain) and not _overall(again) > _WORSE * scale:
             return Attempt(again, note=BY_WEIGHTS)
@@ -611,8 +583,7 @@ def _attempt(
         rest = adjust(remaining, found.values, _from_near(settings), watch)
         if rest.outcome is Outcome.CONVERGED:
             if plain.outcome is Outcome.CONVERGED and not (
-                _are_gross(plain, rest)
-                and ((_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))) or not _same_place(plain, of_all()))
+                _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, of_all()))
             ):
                 break
             # True where most suspects are such for what is lost with them: that alone may be what is far off.
@@ -652,13 +623,14 @@ def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch:
 
 
 def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
-    count = _used(problem)
+    count = problem.observations
     ways = starts.costs(found.values["point"], slice(None), count)
     return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
 
 
 def _from_near(settings: SolverSettings | None) -> SolverSettings:
-    return SolverSettings(min((settings or SolverSettings()).max_iterations, _FROM_NEAR))
+    """At most 15 iterations from where most observations fit: a solution, if there is one, is not far from there."""
+    return SolverSettings(min((settings or SolverSettings()).max_iterations, 15))
 
 
 def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
@@ -686,13 +658,18 @@ def _is_minimum(again: Adjustment, plain: Adjustment) -> bool:
     return not again.normals.objective > (1.0 + _SAME) * plain.normals.objective
 
 
+def _are_few(plain: Adjustment, rest: Adjustment) -> bool:
+    """True where 3 degrees of freedom are left for each that suspects take: the rest outvotes them beyond doubt."""
+    return rest.redundancy >= 3 * (plain.redundancy - rest.redundancy)
+
+
 def _same_place(one: Adjustment, other: Adjustment) -> bool:
     objectives = one.normals.objective, other.normals.objective
     return other.outcome is Outcome.CONVERGED and abs(objectives[0] - objectives[1]) <= _SAME * objectives[0]
 
 
 def _outvoted(problem: Problem, suspects: SuspectedOutliers) -> bool:
-    used = [group.mask & ~group.left_out for group in problem.groups]
+    used = [group.used for group in problem.groups]
     return _given_points_contradicted(problem, suspects, used) or any(
         2 * np.count_nonzero(mask) > np.count_nonzero(own) for mask, own in zip(suspects.masks, used, strict=True)
     )
@@ -719,28 +696,19 @@ def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
     With normal residuals the part of vᵀPv that is left with r' of r degrees of freedom is a Beta(r'/2, (r − r')/2);
     its lower tail is told by its first term, and taken as often as there are choices of so many of all (Bonferroni).
     """
-    before, after = _freedom(plain), _freedom(rest)
+    before, after = plain.redundancy, rest.redundancy
     if after <= 0 or plain.normals.objective <= 0.0:
         return False
-    count, gone = _used(plain.problem), max(before - after, 1)
+    count, gone = plain.problem.observations, max(before - after, 1)
     a, b = 0.5 * after, 0.5 * gone
     part = max(rest.normals.objective / plain.normals.objective, 1e-300)
     choices = gammaln(count + 1) - gammaln(gone + 1) - gammaln(count - gone + 1)
-    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(_LEVEL))
-
-
-def _freedom(adjustment: Adjustment) -> int:
-    return _used(adjustment.problem) - adjustment.problem.index.count + adjustment.defect.dimension
-
-
-def _used(problem: Problem) -> int:
-    return sum(int(np.count_nonzero(group.mask & ~group.left_out)) for group in problem.groups)
+    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(LEVEL))
 
 
 def left_out(problem: Problem, suspects: SuspectedOutliers) -> Problem:
     """The problem without the suspects; what was kept out before stays out, and lost blocks are held."""
-    kept_out = (group.left_out for group in problem.groups)
-    masks = [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)]
+    masks = [mask | out for mask, out in zip(suspects.masks, problem.left_out, strict=True)]
     return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
 
 
@@ -794,7 +762,7 @@ def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]
     needed = np.count_nonzero(columns >= 0, axis=1)
     before, left = (np.zeros(len(columns), dtype=np.int64) for _ in range(2))
     for group, mask in zip(problem.groups, masks, strict=True):
-        had = group.mask & ~group.left_out
+        had = group.used
         counts = np.count_nonzero(had, axis=1), np.count_nonzero(had & ~mask, axis=1)
         for blocks in group.blocks_of(kind):
             np.add.at(before, blocks, counts[0])
@@ -814,4 +782,4 @@ def _add_rows(problem: Problem, masks: tuple[BoolArray, ...], blocks: set[tuple[
         gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
         for group, mask in zip(problem.groups, masks, strict=True):
             for numbers in group.blocks_of(kind):
-                mask |= gone[numbers][:, None] & group.mask & ~group.left_out
+                mask |= gone[numbers][:, None] & group.used

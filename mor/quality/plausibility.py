@@ -20,7 +20,7 @@ from mor.project.axes import split
 from mor.project.earth import median_origin
 from mor.project.network import Network
 from mor.quality.redundancy import OF_IMAGES
-from mor.quality.test_statistics import critical_value, sidak
+from mor.quality.test_statistics import LEVEL, critical_value, sidak
 from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.units import ANGLE
@@ -83,11 +83,7 @@ def _component(group: ObservationGroup, component: int) -> Iterator[Message]:
 # unit is another one.
 
 _TIMES = 50.0
-_SIGMAS = 10.0
-"""σ below which a difference is noise in any case."""
 _AT_LEAST = 5
-_ALIKE = 0.1
-"""Median deviation of ln of the ratio up to which it is the same for all."""
 
 
 def steps_from_given_coordinates(network: Network) -> Iterator[Message]:
@@ -114,19 +110,20 @@ def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray
     if np.count_nonzero(good) >= _AT_LEAST:
         ratios = np.log(observed[good] / computed[good])
         ratio = float(np.median(ratios))
-        # Ratio of observed to computed lengths from which on the unit is doubted.
-        if abs(ratio) > np.log(2.5) and float(np.median(np.abs(ratios - ratio))) < _ALIKE:
+        # The unit is doubted from a ratio of 2.5 on that is the same for all, within 10 % in the median.
+        if abs(ratio) > np.log(2.5) and float(np.median(np.abs(ratios - ratio))) < 0.1:
             words = (
                 f"{group.type.name}: the observations are {np.exp(ratio):.3g} times as large as computed from the "
                 "given coordinates; check their unit"
             )
             yield group.message(int(np.argmax(used)), words)
             return
-    noise = np.maximum(np.median(size[used]), np.linalg.norm(np.nan_to_num(sigma), axis=1))
-    beyond = used & (size > _TIMES * noise) & (size > _SIGMAS * np.linalg.norm(np.nan_to_num(sigma), axis=1))
+    of_row = np.linalg.norm(np.nan_to_num(sigma), axis=1)
+    noise = np.maximum(np.median(size[used]), of_row)
+    beyond = used & (size > _TIMES * noise) & (size > 10.0 * of_row)  # below 10 σ a difference is noise in any case
 
     def said(row: int) -> str:
-        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+        names = group.said_names(row)
         return (
             f"{group.type.name} {names}: {size[row] / (np.median(size[used]) or noise[row]):.0f} times as far from "
             "the given coordinates as the other rows of the table; check names and signs"
@@ -200,17 +197,13 @@ def beyond_a_field_of_view(network: Network) -> Iterator[Message]:
         for block in np.unique(blocks).tolist():
             own = np.flatnonzero((blocks == block) & np.isfinite(ratio))
             usual = float(np.median(ratio[own])) if len(own) >= _AT_LEAST else 1.0
-            if not _NARROWEST < usual < _WIDEST:
+            # A telescope of 10 m with an image of 60 mm has 2e-3, a fisheye with a full sphere 2.
+            if not 1e-3 < usual < 3.0:
                 words = (
                     f"image: the points of a camera are, in the median, {usual:.3g} times the camera constant from the "
                     "origin; check their unit"
                 )
                 yield group.message(int(own[0]), words)
-
-
-_NARROWEST, _WIDEST = 1e-3, 3.0
-"""Median distances of image points from the origin, in camera constants, that no camera has: a telescope of 10 m with
-an image of 60 mm has 2e-3, a fisheye with a full sphere 2."""
 
 
 def measured_twice(network: Network) -> Iterator[Message]:
@@ -241,10 +234,7 @@ def _again(group: ObservationGroup, before: dict[int, int]):  # type: ignore[no-
 # Where everything an observation refers to is fixed, or observed itself with a σ, observed − computed is a
 # misclosure with the variance σ² + J Σ Jᵀ of the observation and the known values. A set of horizontal
 # directions has its orientation besides, taken as the median of the misclosures of its known targets. All
-# misclosures together are tested with one level.
-
-LEVEL = 0.001
-"""Of all misclosures of a kind together: a note is something to go and look at."""
+# misclosures of a kind together are tested with one level.
 
 
 class Misclosures(NamedTuple):
@@ -278,7 +268,7 @@ def contradicting_known_points(network: Network) -> Iterator[Message]:
 
 
 def _sentence(group: ObservationGroup, row: int, component: int, size: float, sigma: float) -> str:
-    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+    names = group.said_names(row)
     factor, unit = 1.0, ""
     if group.external is not None:
         outside = int(np.argmax(np.abs(group.external.transform[component])))
@@ -481,9 +471,6 @@ def _note(network: Network, lines: list[_Line], loop: list[tuple[int, float]], t
 # 1956). u is taken from the values: the smallest difference between two of them. If values are rounded to
 # several σ, p is 1 and nothing is said.
 
-_CHANCE_OF_TABLE = 0.05
-"""The same for a whole table whose rows all stand in another one in the same order, which chance does not arrange."""
-
 
 def repeated_rows(network: Network) -> Iterator[Message]:
     """Yield one note for each table that repeats rows of another one, or of itself, to the last digit."""
@@ -525,8 +512,8 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
                 and bool((np.diff(row[first[found]][np.argsort(row[second[found]])]) > 0).all())
             )
             probability = float(bdtrc(len(found) - 1, np.count_nonzero(here), min(1.0, float(chance[here].mean()))))
-            # Probability of so many equal rows by chance from which down they are noted.
-            if probability > (_CHANCE_OF_TABLE if whole else 1e-3):
+            # Chance does not arrange all rows of a table in the order of another one: less makes these noted.
+            if probability > (0.05 if whole else 1e-3):
                 continue
             yield _note_on_repeated_rows(groups[one], groups[other], row[first[found]], row[second[found]])
 
@@ -586,8 +573,6 @@ def _note_on_repeated_rows(
 _HIGHEST = 5.0
 """Height of an instrument or a target in metres that is beyond a tripod and a pole."""
 _FEWEST_SET_UPS = 3
-_NEAR = 0.5
-"""Radians from the vertical, or from the horizon, within which all readings of a table are suspicious."""
 
 
 def implausible_heights(network: Network) -> Iterator[Message]:
@@ -653,7 +638,9 @@ def vertical_convention(network: Network) -> Iterator[Message]:
                     f"{group.type.name}: all {len(here)} zenith angles are near 0 or a half circle; are they "
                     "elevations?"
                 )
-            elif of.name in _ELEVATIONS and _all_near(group, component, 0.5 * np.pi):
+            elif of.name in ("vertical", "vertical_angle", "vertical_direction") and _all_near(
+                group, component, 0.5 * np.pi
+            ):
                 said = (
                     f"{group.type.name}: all {len(here)} elevations are near a quarter of a circle; are they zenith "
                     "angles?"
@@ -663,9 +650,6 @@ def vertical_convention(network: Network) -> Iterator[Message]:
             yield group.message(int(here[0]), said)
 
 
-_ELEVATIONS = ("vertical", "vertical_angle", "vertical_direction")
-
-
 def look_like_elevations(group: ObservationGroup) -> bool:
     """Return True if all zenith angles of a table are near 0 or a half circle."""
     components = enumerate(group.type.components)
@@ -673,8 +657,9 @@ def look_like_elevations(group: ObservationGroup) -> bool:
 
 
 def _all_near(group: ObservationGroup, component: int, suspicious: float) -> bool:
+    """Return True if all readings of a table are within half a radian of a suspicious one, or opposite to it."""
     observed = group.observed[group.mask[:, component], component]
-    near = np.abs(wrap(2.0 * (observed - suspicious))) / 2.0 < _NEAR
+    near = np.abs(wrap(2.0 * (observed - suspicious))) / 2.0 < 0.5
     return len(observed) >= _FEWEST_SET_UPS and bool(near.all())
 
 
@@ -755,8 +740,6 @@ def _sizes(group: ObservationGroup, component: int, kind: str, here: BoolArray) 
 # before the camera and somewhere near their measured places. One that has not a single one of at least three
 # within the width of what the camera measures is no rough value of this image.
 
-_LEAST = 3
-
 
 def unsupported_poses(network: Network) -> Iterator[Message]:
     """Images with a given pose, and three given points at least, that all lie behind the camera or far beside."""
@@ -769,7 +752,7 @@ def unsupported_poses(network: Network) -> Iterator[Message]:
         rows = rows[usable]
         count = np.bincount(image[rows], minlength=int(image.max()) + 1)
         good = np.bincount(image[rows[_support(network, group, rows)]], minlength=len(count))
-        for k in np.flatnonzero((count >= _LEAST) & (good == 0)).tolist():
+        for k in np.flatnonzero((count >= 3) & (good == 0)).tolist():
             row = int(np.flatnonzero(image == k)[0])
             words = (
                 f"image {group.references[0].known[k]}: its start pose shows none of its {count[k]} points that have "
@@ -856,7 +839,7 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
     if effect is None or effect.in_sigma < NOTED:
         return None
     group, row = effect.group, effect.row
-    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+    names = group.said_names(row)
     quantity = group.type.components[effect.component].quantity
     millimetres = 1000.0 * network.edge.metres
     across = abs(effect.size) * millimetres * (effect.distance if quantity == ANGLE else 1.0)

@@ -15,7 +15,7 @@ from mor.project.entities import Entities
 from mor.solve.datum import STransformation, s_transformation
 from mor.solve.iterate import Adjustment
 from mor.solve.normals import reduced_columns
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Precision of the unknowns, in the datum of the adjustment: cofactor blocks of every parameter block.
 
@@ -48,8 +48,8 @@ def joint_blocks(
     Zero rows where a column is −1; of eliminated points ``result``, which is taken over, has the part of their rays.
     """
     plan = adjustment.plan
-    for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
-        piece = slice(first, first + _BLOCKS_AT_A_TIME)
+    # The indices of a million blocks would take more room than their cofactors.
+    for piece in pieces(len(columns), 50_000):
         own, q = columns[piece], result[piece]
         firsts = own[:, :1]
         kept = (firsts < 0)[:, 0] | (reduced_columns(firsts, plan.reduced) >= 0)[:, 0]
@@ -64,10 +64,6 @@ def joint_blocks(
         if held.any():
             q[held[:, :, None] | held[:, None, :]] = 0.0
     return result
-
-
-_BLOCKS_AT_A_TIME = 50_000
-"""Blocks that are worked on together: the indices of a million of them would take more room than their cofactors."""
 
 
 def _held(adjustment: Adjustment, columns: IntArray) -> BoolArray:

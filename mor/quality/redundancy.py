@@ -271,25 +271,17 @@ def cluster_quality(
     precision = np.swapaxes(alike.whitening, 1, 2) @ alike.whitening
     weighted = np.einsum("nij,nj->ni", precision, rows.v(quality))
     weighted_cofactors = precision - precision @ adjusted @ precision
-    diagonal = _diagonal(precision)
-    joint, freedom = _joint_of_clusters(alike, weighted, weighted_cofactors, np.sqrt(diagonal))
-    of_entries = {
-        "r": 1.0 - _diagonal(adjusted @ precision),
-        "q_adjusted": _diagonal(adjusted),
-        "q_residual": np.maximum(_diagonal(rotations.inv(precision) - adjusted), 0.0),
-        "weighted": weighted,
-        "precision": diagonal,
-        "q_weighted": np.clip(_diagonal(weighted_cofactors), 0.0, diagonal),
-        "joint": joint,
-        "freedom": freedom,
-    }
+    joint, freedom = _joint_of_clusters(alike, weighted, weighted_cofactors, np.sqrt(_diagonal(precision)))
+    of_entries = _of_entries(
+        adjusted, precision, rotations.inv(precision), weighted, weighted_cofactors, joint, freedom
+    )
     carried = (np.sum(through * precision, axis=2) * rows.length).ravel()
     found = {}
     for part in alike.parts:
         place = part.rows[part.row], part.component
         quality[part.group].carried[place] = carried[part.entry]
         own = {name: values.ravel()[part.entry] for name, values in of_entries.items()}
-        found[part.group] = Correlated(*place, **own)
+        found[part.group] = Correlated(place[0], place[1], **own)
     return found
 
 
@@ -312,7 +304,7 @@ def row_cluster_quality(
     precision = np.swapaxes(clusters.whitening, 1, 2) @ clusters.whitening
     length = lengths_of_rows(adjustment, number, clusters.rows, rows.jacobian, rows.columns)
     carried = np.sum(through * precision, axis=2) * length
-    here = np.diagonal(precision, axis1=1, axis2=2) > 0.0
+    here = _diagonal(precision) > 0.0
     row, component = np.nonzero(here)
     place = clusters.rows[row], component
     quality.carried[place] = carried[here]
@@ -320,27 +312,36 @@ def row_cluster_quality(
     weighted_cofactors = precision - precision @ adjusted @ precision
     # Of what is not observed the variance is 1, apart from all else, so that the others have theirs.
     apart = precision + np.eye(m) * ~here[:, None, :]
-    covariance = rotations.inv(apart)
-    scale = np.sqrt(np.diagonal(apart, axis1=1, axis2=2))
+    scale = np.sqrt(_diagonal(apart))
     joint, freedom = joint_statistic(
         weighted / scale, weighted_cofactors / (scale[:, :, None] * scale[:, None, :]), here
     )
+    of_row = (np.broadcast_to(values[:, None], here.shape) for values in (joint, freedom))
+    of_entries = _of_entries(adjusted, precision, rotations.inv(apart), weighted, weighted_cofactors, *of_row)
+    return {number: Correlated(place[0], place[1], **{name: values[here] for name, values in of_entries.items()})}
 
-    def diagonal(matrices: FloatArray) -> FloatArray:
-        return np.asarray(np.diagonal(matrices, axis1=1, axis2=2)[here])
 
-    found = Correlated(
-        *place,
-        r=1.0 - diagonal(adjusted @ precision),
-        q_adjusted=diagonal(adjusted),
-        q_residual=np.maximum(diagonal(covariance - adjusted), 0.0),
-        weighted=weighted[here],
-        precision=diagonal(precision),
-        q_weighted=np.clip(diagonal(weighted_cofactors), 0.0, diagonal(precision)),
-        joint=joint[row],
-        freedom=freedom[row],
-    )
-    return {number: found}
+def _of_entries(
+    adjusted: FloatArray,
+    precision: FloatArray,
+    covariance: FloatArray,
+    weighted: FloatArray,
+    weighted_cofactors: FloatArray,
+    joint: FloatArray,
+    freedom: FloatArray,
+) -> dict[str, FloatArray]:
+    """Values (n, k) of :class:`Correlated` from matrices (n, k, k) of n clusters and what is known of their entries."""
+    diagonal = _diagonal(precision)
+    return {
+        "r": 1.0 - _diagonal(adjusted @ precision),
+        "q_adjusted": _diagonal(adjusted),
+        "q_residual": np.maximum(_diagonal(covariance - adjusted), 0.0),
+        "weighted": weighted,
+        "precision": diagonal,
+        "q_weighted": np.clip(_diagonal(weighted_cofactors), 0.0, diagonal),
+        "joint": joint,
+        "freedom": freedom,
+    }
 
 
 def _row_cofactors(
@@ -445,44 +446,27 @@ class Reliability(NamedTuple):
     @property
     def test(self) -> FloatArray:
         """w_B; for excluded observations that of the test whether they fit."""
-        return self._piecewise(lambda one: one._test)
+        return self._piecewise(lambda one, q: one.weighted / np.sqrt(q), lambda v, spread: v / spread)
 
     @property
     def error(self) -> FloatArray:
         """Estimated gross error, in the sense observed − true."""
-        return self._piecewise(lambda one: one._error)
+        return self._piecewise(lambda one, q: -one.weighted / q, lambda v, spread: -v)
 
     @property
     def smallest(self) -> FloatArray:
         """∇, the smallest detectable gross error."""
-        return self._piecewise(lambda one: one._smallest)
+        delta = np.sqrt(self.ncp)
+        return self._piecewise(lambda one, q: delta / np.sqrt(q), lambda v, spread: delta * spread)
 
     @property
     def external(self) -> FloatArray:
         """δ̄0."""
-        return self._piecewise(lambda one: one._external)
-
-    def _piecewise(self, of_rows: Callable[[Reliability], FloatArray]) -> FloatArray:
-        return in_pieces(self.quality.v.shape, lambda rows: of_rows(self.at(rows)))
-
-    @property
-    def _test(self) -> FloatArray:
-        return self._with_excluded(self.quality.weighted / np.sqrt(self._q), lambda v, spread: v / spread)
-
-    @property
-    def _error(self) -> FloatArray:
-        return self._with_excluded(-self.quality.weighted / self._q, lambda v, spread: -v)
-
-    @property
-    def _smallest(self) -> FloatArray:
-        detectable = np.sqrt(self.ncp) / np.sqrt(self._q)
-        return self._with_excluded(detectable, lambda v, spread: np.sqrt(self.ncp) * spread)
-
-    @property
-    def _external(self) -> FloatArray:
-        q = self._q
-        external = np.sqrt(self.ncp) / np.sqrt(q) * np.sqrt(np.maximum(self.quality.precision - q, 0.0))
-        return self._with_excluded(external, lambda v, spread: np.zeros(len(v)))
+        delta = np.sqrt(self.ncp)
+        return self._piecewise(
+            lambda one, q: delta / np.sqrt(q) * np.sqrt(np.maximum(one.precision - q, 0.0)),
+            lambda v, spread: np.zeros(len(v)),
+        )
 
     @property
     def influence(self) -> FloatArray:
@@ -490,21 +474,27 @@ class Reliability(NamedTuple):
         influence: FloatArray = self.error * self.quality.carried
         return influence
 
-    @property
-    def _q(self) -> FloatArray:
-        """Diagonal of P Q_vv P; NaN where an observation is not controlled."""
-        q, precision = self.quality.q_weighted, self.quality.precision
-        return np.where(q > CONTROLLED * precision, q, np.nan)
-
-    def _with_excluded(
-        self, values: FloatArray, of_excluded: Callable[[FloatArray, FloatArray], FloatArray]
+    def _piecewise(
+        self,
+        of_tested: Callable[[ObservationQuality, FloatArray], FloatArray],
+        of_excluded: Callable[[FloatArray, FloatArray], FloatArray],
     ) -> FloatArray:
-        """Excluded observations against what all others say of them: v has the variance σ² + q, q of the others."""
-        out = self.quality.out
-        if out.any():
-            spread = np.sqrt((self.quality.sigma[out] / OUT) ** 2 + self.quality.q_adjusted[out])
-            values[out] = of_excluded(self.quality.v[out], spread)
-        return values
+        """Values (n, m) from the quality of some rows and their q, the diagonal of P Q_vv P.
+
+        q is NaN where an observation is not controlled. Excluded ones are put against what all others say of them: v
+        has the variance σ² + q, q of the others.
+        """
+
+        def of_rows(rows: slice) -> FloatArray:
+            one = self.quality.at(rows)
+            q = one.q_weighted
+            values = of_tested(one, np.where(q > CONTROLLED * one.precision, q, np.nan))
+            if one.out.any():
+                spread = np.sqrt((one.sigma[one.out] / OUT) ** 2 + one.q_adjusted[one.out])
+                values[one.out] = of_excluded(one.v[one.out], spread)
+            return values
+
+        return in_pieces(self.quality.v.shape, of_rows)
 
 
 def student_square(test: FloatArray, omega: float, redundancy: int) -> FloatArray:

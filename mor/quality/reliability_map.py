@@ -18,7 +18,7 @@ from mor.quality.group_tests import Partition, partitions
 from mor.quality.redundancy import OF_IMAGES, Reliability
 from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces
 from mor.solve.problem import Linearised, linearise, rotation_tangents
-from mor.types import BoolArray, FloatArray, IntArray, across
+from mor.types import BoolArray, FloatArray, IntArray, across, pieces
 
 # ---- The reliability map: for every point, image, station and set how well its observations control each other.
 #
@@ -27,9 +27,6 @@ from mor.types import BoolArray, FloatArray, IntArray, across
 # reliability of an observation (W. Baarda, 1968), no function f of the unknowns moves by more than δ̄0 σ_f;
 # the position of a thing hence by no more than the largest δ̄0 of its observations times the longest
 # semi-axis of its error ellipsoid.
-
-_ALIKE = 1e-9
-"""Difference of redundancy numbers that is round-off."""
 
 
 class Controlled(NamedTuple):
@@ -112,7 +109,7 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
                 for slot, blocks in group.blocks_by_slot
                 if slot.kind == "point" and slot.of not in ("image", "station", "system")
             ]
-            for rows in _pieces(group.count):
+            for rows in pieces(group.count, ROWS_AT_A_TIME):
                 some = quality.reliability[number].at(rows)
                 for blocks in named:
                     yield _RowClasses(number, rows, place[blocks[rows]], some)
@@ -123,17 +120,12 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
 def _of_partition(quality: Quality, partition: Partition, axes: FloatArray) -> Controlled:
     def seen() -> Iterator[_RowClasses]:
         for number, tests in enumerate(quality.reliability):
-            for rows in _pieces(len(tests.quality.v)):
+            for rows in pieces(len(tests.quality.v), ROWS_AT_A_TIME):
                 classes = partition.of_rows(number, rows)
                 if classes is not None:
                     yield _RowClasses(number, rows, classes, tests.at(rows))
 
     return _gathered(partition.of, tuple(partition.names), seen, axes)
-
-
-def _pieces(count: int) -> Iterator[slice]:
-    for first in range(0, count, ROWS_AT_A_TIME):
-        yield slice(first, first + ROWS_AT_A_TIME)
 
 
 def _gathered(
@@ -155,7 +147,7 @@ def _gathered(
     for one in seen():
         wanted = np.where(one.classes >= 0, smallest[one.classes], np.nan)
         # Of observations that are equally weak, to round-off, the first: the same ones in every run.
-        row, component = np.nonzero(one.tests.quality.r <= wanted[:, None] * (1.0 + _ALIKE) + _ALIKE)
+        row, component = np.nonzero(one.tests.quality.r <= wanted[:, None] * (1.0 + 1e-9) + 1e-9)
         classes, first = np.unique(one.classes[row], return_index=True)
         new = weakest[classes, 0] < 0
         classes, first = classes[new], first[new]
@@ -295,7 +287,7 @@ class _Table(NamedTuple):
 
 def _table(number: int, group: ObservationGroup) -> _Table:
     complete = group.mask.sum(axis=1)
-    inside = np.flatnonzero((group.mask & ~group.left_out).any(axis=1))
+    inside = np.flatnonzero(group.used.any(axis=1))
     order = inside[np.lexsort((-complete[inside], group.references[0].numbers[inside]))]
     measured = {}
     if group.type.key in OF_IMAGES:
@@ -340,8 +332,6 @@ def _estimable(part: Linearised, null: FloatArray) -> BoolArray:
 # settles controls nothing.
 
 _AT_A_TIME = 8
-_MOST = 64
-"""Candidates that are worked out for one weak observation."""
 
 
 class CandidateObservation(NamedTuple):
@@ -433,7 +423,7 @@ def _rank(system: NormalEquationSolver, searches: list[_Search]) -> None:
     for k, one in enumerate(searches):
         one.h = [_image(some, system, answer[:, k]) for some in one.found]
         one.bound = np.concatenate([np.sum(part**2, axis=1) for part in one.h])
-        one.order = np.argsort(-one.bound, kind="stable")[:_MOST]
+        one.order = np.argsort(-one.bound, kind="stable")[:64]  # so many are worked out for one weak observation
 
 
 def _image(one: Candidates, system: NormalEquationSolver, x: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from mor.model.contract import OUT, ObservationGroup, without
 from mor.model.images import MOTION_SLOTS, image_scale, is_image_point, on_the_sphere, stereographic
 from mor.model.parameters import Values, index_unknowns, move
 from mor.quality.assessment import Quality
+from mor.quality.test_statistics import LEVEL, MEDIAN_OF_NORMAL, critical_value, robust_sigma
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan
 from mor.solve.iterate import Adjustment, Iteration, Watcher, adjust, counting_on
 from mor.solve.normals import Plan, eliminable_rays, make_plan, objective
@@ -69,11 +70,6 @@ def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
 # draw it to its place, and a block that fits itself beside its control points those to these. So rows are
 # judged by the median of their part as well, the larger of both.
 
-_MEDIAN = 0.6745
-"""Median of |x| of a standard normal x."""
-_FRAME = "rotation"
-"""Kind of the blocks that are frames: of an image or an instrument."""
-
 
 class Parts(NamedTuple):
     """Parts of one group: the entries that are used, and their division."""
@@ -89,26 +85,24 @@ class Parts(NamedTuple):
         for part in self.divisions:
             rows, components = np.nonzero(self.used & (part >= 0)[:, None])
             medians = medians_of_parts(part[rows], sizes[rows, components], int(part.max(initial=-1)) + 1)
-            largest = np.maximum(largest, np.append(medians, 0.0)[part] / _MEDIAN)
+            largest = np.maximum(largest, np.append(medians, 0.0)[part] / MEDIAN_OF_NORMAL)
         return largest[:, None]
 
 
 def parts_of(problem: Problem) -> tuple[Parts, ...]:
     """The parts of every group: frames, and where the network lies."""
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).any(axis=1))
-    return tuple(
-        Parts(group.mask & ~group.left_out, (frames_of(group), _tied(group, given))) for group in problem.groups
-    )
+    return tuple(Parts(group.used, (frames_of(group), _tied(group, given))) for group in problem.groups)
 
 
 def whole(problem: Problem) -> tuple[Parts, ...]:
     """Every group undivided."""
-    return tuple(Parts(group.mask & ~group.left_out, ()) for group in problem.groups)
+    return tuple(Parts(group.used, ()) for group in problem.groups)
 
 
 def frames_of(group: ObservationGroup) -> IntArray:
     """Return (n,) the frame of every row; −1 where there is none."""
-    frames = group.blocks_of(_FRAME)
+    frames = group.blocks_of("rotation")
     return np.asarray(frames[0], dtype=np.int64) if frames else np.full(group.count, -1)
 
 
@@ -136,7 +130,6 @@ def medians_of_parts(part: IntArray, sizes: FloatArray, count: int) -> FloatArra
 # ---- A problem whose image coordinates are directions: it comes from farther away to nearly the same solution.
 
 _INTERIOR = "interior/"
-_MOTIONS = frozenset(slot.kind for slot in MOTION_SLOTS)
 
 
 def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
@@ -153,8 +146,9 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
     if all(one is other for one, other in zip(groups, problem.groups, strict=True)):
         return None
     scaled = reweighted(problem, factors)
+    motions = {slot.kind for slot in MOTION_SLOTS}
     blocks = {
-        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in _MOTIONS else own
+        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in motions else own
         for kind, own in problem.index.blocks.items()
     }
     turned = tuple(replace(group, sigma=own.sigma) for group, own in zip(groups, scaled.groups, strict=True))
@@ -207,13 +201,11 @@ WIDEST, NARROWEST = 20.0, 3.0
 """Width in units of the robust σ of a group, first and last."""
 _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
-_FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
+_FIRST_DAMPING = 1e-3
 _SMALLEST = 1e-10
 """Least factor on a weight, so that the system stays regular. Residuals that exceed 1 σ even with it get less."""
-_SETTLED, _NEARLY_SETTLED = 1e-3, 1e-2
-"""Root mean square change of the factors after which they have settled, and of directions, which only lead there."""
-REJECTED = 3.29
-"""Residual in units of the robust σ beyond which an observation is a suspect: level 0.001."""
+_SETTLED = 1e-3
+"""Root mean square change of the factors after which they have settled."""
 
 
 class Graduated(NamedTuple):
@@ -245,7 +237,8 @@ def graduated_weights(
     sphere = problem_on_the_sphere(problem, start)
     if sphere is None:
         return _narrowed(problem, start, WIDEST, _SETTLED, watch)
-    first = _narrowed(sphere, start, NARROWEST, _NEARLY_SETTLED, watch, parts_of(sphere) if by_parts else None)
+    # Directions only lead there: they need not settle as well.
+    first = _narrowed(sphere, start, NARROWEST, 10.0 * _SETTLED, watch, parts_of(sphere) if by_parts else None)
     last = settled_weights(problem, first.values, counting_on(watch, first.iterations))
     return last._replace(iterations=first.iterations + last.iterations)
 
@@ -284,8 +277,9 @@ def _narrowed(
             watch(Iteration(number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0)))
         if (multiples == NARROWEST).all() and _change(factors, before) < settled:
             break
+    rejected = critical_value(LEVEL)
     suspects = tuple(
-        group.mask & ~group.left_out & (_joint(group, size) > REJECTED * scale)
+        group.used & (_joint(group, size) > rejected * scale)
         for group, size, scale in zip(problem.groups, place.sizes, scales, strict=True)
     )
     return Graduated(place.values, suspects, place.sizes, number)
@@ -293,7 +287,7 @@ def _narrowed(
 
 def _few(problem: Problem) -> BoolArray:
     """(g,) groups of so few observations that their median says nothing of them."""
-    counts = [np.count_nonzero(group.mask & ~group.left_out) for group in problem.groups]
+    counts = [np.count_nonzero(group.used) for group in problem.groups]
     return np.asarray(np.array(counts, dtype=np.int64) < _FEW)
 
 
@@ -317,11 +311,11 @@ def _joint(group: ObservationGroup, size: FloatArray) -> FloatArray:
 
 def robust_scales(problem: Problem, sizes: tuple[FloatArray, ...]) -> Scales:
     """Robust σ of every group and of all observations, from |v|/σ (n, m) of each group."""
-    used = [size[group.mask & ~group.left_out] for group, size in zip(problem.groups, sizes, strict=True)]
+    used = [size[group.used] for group, size in zip(problem.groups, sizes, strict=True)]
     every = np.concatenate([np.zeros(0), *used])
-    overall = float(np.median(every)) if every.size else 0.0
-    medians = [float(np.median(size)) if size.size >= _FEW else overall for size in used]
-    return Scales(np.maximum(np.array(medians) / _MEDIAN, 1.0), max(overall / _MEDIAN, 1.0))
+    overall = robust_sigma(every)
+    own = [robust_sigma(size) if size.size >= _FEW else overall for size in used]
+    return Scales(np.maximum(np.array(own), 1.0), max(overall, 1.0))
 
 
 def _scales(problem: Problem, sizes: tuple[FloatArray, ...], parts: tuple[Parts, ...]) -> tuple[FloatArray, ...]:
@@ -349,7 +343,7 @@ def _change(factors: Factors, before: Factors) -> float:
 def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _IterationState:
     """One step that makes the weighted sum of squares smaller, damped as the gain ratio asks for (H. B. Nielsen)."""
     damping, raise_by = place.damping, 2.0
-    while damping < _MOST_DAMPED:
+    while damping < 1e8:
         try:
             tried = damped_step(weighted, place.values, damping)
         except NotFiniteError:
@@ -364,7 +358,7 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
                 tuple(np.abs(v) / np.sqrt(f) for v, f in zip(found, factors, strict=True)),
                 float(np.sqrt(max(tried.gain, 0.0))),
             )
-            return _IterationState(moved, sizes, max(damping * easier, _LEAST_DAMPED), change)
+            return _IterationState(moved, sizes, max(damping * easier, 1e-7), change)
         damping, raise_by = damping * raise_by, raise_by * 2.0
     return place._replace(damping=_FIRST_DAMPING)
 

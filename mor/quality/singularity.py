@@ -83,11 +83,6 @@ def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
 
 # ---- Why an image, a station or a system is loose: it has no, one or two points, or a line; or φ is ±100 gon.
 
-_ON_LINE = 1e-6
-"""Spread of points beside a line, as part of that along it, below which they are on it."""
-_LOCKED = 1e-3
-"""cos φ from which down ω and κ are a thousand times less certain than the attitude: they are nearly the same turn."""
-
 
 def why_loose(solved: Solved, space: str, name: str, say: Translate = english) -> list[str]:
     """Lines for a frame (``image``, ``station``) that its points, or its angles, cannot hold; none where they could."""
@@ -102,7 +97,8 @@ def _locked(solved: Solved, space: str, name: str, rotation: int, say: Translate
     """Angles of which some are fixed, or tied to those of others, where two of them are the same turn."""
     index = solved.adjustment.problem.index
     _, phi, _ = angles_from_rotation(solved.adjustment.values["rotation"][rotation])
-    if np.cos(phi) > _LOCKED or not moves_by_angles(index.blocks["rotation"])[rotation]:
+    # From here on ω and κ are a thousand times less certain than the attitude: they are nearly the same turn.
+    if np.cos(phi) > 1e-3 or not moves_by_angles(index.blocks["rotation"])[rotation]:
         return []
     return [
         say(
@@ -142,7 +138,7 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Translat
     spread = rotations.singular_values(
         solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0)
     )
-    if spread[1] <= _ON_LINE * spread[0]:
+    if spread[1] <= 1e-6 * spread[0]:
         return [
             say(
                 "the points of {names} ({place}) lie on one line: it can rotate about this line "
@@ -290,12 +286,6 @@ _KNOT = (
     "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a constancy or "
     "smoothness, or lay its knots further apart"
 )
-_STILL = 1e-6
-"""Part of a movement of unit length below which nothing moves."""
-_WELL_KNOWN = 0.01 * NOTHING_KNOWN
-"""σ (rad) of a turn below which only the weights of the others make it weak: it keeps no iteration from its end."""
-_ALONG_AXIS = 0.999
-"""Component of a unit vector from which on it is called after its axis."""
 _SINGULARITIES_SHOWN = 6
 """Names told of one part or direction."""
 
@@ -361,10 +351,11 @@ def _movements(solved: Solved, say: Translate) -> str:
 def turned_about(solved: Solved, say: Translate = english) -> list[str]:
     """Turns of the whole network that are hardly determined, where there is no solution."""
     adjustment = solved.adjustment
+    # A turn of a smaller σ is weak by the weights of the others only: it keeps no iteration from its end.
     turns = [
         turn
         for turn in weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
-        if turn.sigma > _WELL_KNOWN
+        if turn.sigma > 0.01 * NOTHING_KNOWN
     ]
     angle = "deg" if solved.network.project.units.angle == "dms" else solved.network.project.units.angle
     unit = ANGLE_UNITS[angle]
@@ -376,7 +367,7 @@ def turned_about(solved: Solved, say: Translate = english) -> list[str]:
             say(
                 "The rotation of the whole network about {axis} is poorly determined: its standard deviation "
                 "is {sigma} {angle} (that of an unobserved angle is {nothing} {angle}).",
-                axis="XYZ"[along] if abs(turn.axis[along]) > _ALONG_AXIS else line,
+                axis="XYZ"[along] if abs(turn.axis[along]) > 0.999 else line,
                 sigma=f"{turn.sigma / unit:.3g}",
                 nothing=f"{NOTHING_KNOWN / unit:.3g}",
                 angle=angle,
@@ -412,7 +403,7 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
     ]
     if any("combination" in name for name in solved.adjustment.defect.movements):
         index = solved.adjustment.problem.index
-        moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
+        moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > 1e-6)
         blocks = dict.fromkeys(index.label(int(column))[:2] for column in moved)
         lines.append(
             say(

@@ -12,6 +12,7 @@ from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.quality.assessment import Levels, Quality, assess, is_complete
 from mor.quality.outliers import (
+    BY_CHANCE,
     SUSPECT,
     SuspectedOutliers,
     cost_of_residuals,
@@ -22,7 +23,7 @@ from mor.quality.outliers import (
 )
 from mor.quality.robust_estimation import exclude
 from mor.quality.test_statistics import ObservationQuality, comparable, critical_value, sidak
-from mor.solve.iterate import Adjustment, SolverSettings, Watcher, adjust
+from mor.solve.iterate import Adjustment, SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -30,8 +31,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 _BESIDE_THE_WORST = 0.5
 """Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
-_OF_ITS_ROWS = 10
-"""One of so many rows of a frame or a point may go in a round beside others of it, so that the rest outvotes them."""
 LOCAL = ("point", "rotation", "base")
 """Kinds of blocks by which the error of one observation shows in another one."""
 
@@ -126,7 +125,7 @@ def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
         kind: np.zeros(len(columns), dtype=np.int64) for kind, columns in problem.index.columns.items() if kind in LOCAL
     }
     for group in problem.groups:
-        taking_part = (group.mask & ~group.left_out).any(axis=1)
+        taking_part = group.used.any(axis=1)
         for slot, blocks in group.blocks_by_slot:
             if slot.kind in counts:
                 counts[slot.kind] += np.bincount(blocks[taking_part], minlength=len(counts[slot.kind]))
@@ -166,7 +165,8 @@ def worst_first(all_candidates: Iterable[ExclusionCandidate]) -> list[TestedEntr
         ):
             for block, rows in one.blocks.items():
                 used[block] = max(one.absorbed, used.get(block, 0.0))
-                room[block] = room.get(block, rows // _OF_ITS_ROWS) - 1
+                # One in ten rows of a frame or a point may go in a round, so that the rest outvotes them.
+                room[block] = room.get(block, rows // 10) - 1
             chosen += one.tested
     return chosen
 
@@ -211,9 +211,6 @@ def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
 # first, and what is left agrees because it can hardly do otherwise. No test of what is out against the rest can tell
 # then. All observations of such points can: where most of them have it, others are out, and less is left to explain.
 
-BEYOND_CHANCE = 2.0 * float(np.log(1000.0))
-"""What another place must cost less, that chance does not put it first at the level 0.001."""
-
 Masks = tuple[BoolArray, ...]
 """(n, m) of each group."""
 
@@ -230,12 +227,12 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
 
     ``problem``: with nothing out that may come back. Nothing where nothing is out, or no point is elsewhere.
     """
-    kept_out = tuple(group.left_out for group in problem.groups)
+    kept_out = problem.left_out
     if "point" not in problem.index.blocks or not any(
         (mask & ~kept).any() for mask, kept in zip(out, kept_out, strict=True)
     ):
         return None
-    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BEYOND_CHANCE)
+    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BY_CHANCE)
     # Return removed entries after points have moved: all suspects of these points, and those removed of the others.
     points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
     if not points.any():
@@ -321,7 +318,6 @@ class _AssessedAdjustment(NamedTuple):
     """With nothing out but what is kept out."""
     levels: Levels
     aposteriori: bool
-    watch: Watcher | None
     quality: Quality
 
     @property
@@ -332,7 +328,9 @@ class _AssessedAdjustment(NamedTuple):
     def excluded(self) -> tuple[Excluded, ...]:
         quality = self.quality
         found: list[Excluded] = []
-        for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, self._kept_out, strict=True)):
+        for number, (group, kept) in enumerate(
+            zip(quality.adjustment.problem.groups, self.problem.left_out, strict=True)
+        ):
             out: BoolArray = group.left_out & ~kept
             rows = np.flatnonzero(out.any(axis=1))
             if not len(rows):
@@ -354,27 +352,22 @@ class _AssessedAdjustment(NamedTuple):
 
         Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
         """
-        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
+        return self._from(self.quality.adjustment.values, masks_of(self.problem.left_out, out))
 
     def elsewhere(self, out: Out) -> tuple[_AssessedAdjustment, Out] | None:
         """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
         values = self.quality.adjustment.values
-        other = other_places(self.problem, values, masks_of(self._kept_out, out))
+        other = other_places(self.problem, values, masks_of(self.problem.left_out, out))
         if other is None:
             return None
         found = self._from(other.values, other.out)
         if found is None:
             return None
         better = cost_at(self.problem, found.quality.adjustment.values) < cost_at(self.problem, values)
-        others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
-        return (found, entries_of(others)) if better else None
-
-    @property
-    def _kept_out(self) -> Masks:
-        return tuple(group.left_out for group in self.problem.groups)
+        return (found, entries_of(_but(other.out, self.problem.left_out))) if better else None
 
     def _from(self, values: Values, out: Masks) -> _AssessedAdjustment | None:
-        adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
+        adjustment = adjust(exclude(self.problem, out), values)
         if not adjustment.outcome.is_solution:
             return None
         quality = assess(adjustment, self.levels, self.aposteriori)
@@ -388,18 +381,16 @@ def snoop(
     levels: Levels,
     aposteriori: bool,
     excluded: Masks | None = None,
-    watch: Watcher | None = None,
 ) -> SnoopingResult:
     """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
-    first = _AssessedAdjustment(problem, levels, aposteriori, watch, quality)
+    first = _AssessedAdjustment(problem, levels, aposteriori, quality)
     begun, out = None, Out()
     if excluded is not None:
-        out = entries_of(tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True)))
+        out = entries_of(_but(excluded, problem.left_out))
         begun = first.without(out)
     tried, out = (begun, out) if begun is not None else (first, Out())
     tried, steps, clean = snooping_rounds(tried, out, first.redundancy)
-    kept_out = tuple(group.left_out for group in problem.groups)
-    return SnoopingResult(quality.sigma0, kept_out, tried.quality, steps, clean)
+    return SnoopingResult(quality.sigma0, problem.left_out, tried.quality, steps, clean)
 
 
 def snooping_rounds(
@@ -480,9 +471,6 @@ def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
 # Where more than half of what an image, a set of directions or a point was seen by is gone, what is left may
 # be the wrong half: it agrees with itself, and no test of what was taken out against the rest can tell.
 
-_AT_LEAST = 3
-"""Observations taken out from which on something is told."""
-
 
 class TakenOut(NamedTuple):
     """A thing and its observation rows."""
@@ -495,13 +483,13 @@ class TakenOut(NamedTuple):
 
 
 def mostly_out(snooping: SnoopingResult) -> list[TakenOut]:
-    """Frames and points of which more than half of the observations were taken out."""
+    """Frames and points of which more than half of the observations were taken out, and at least three."""
     blocks = snooping.quality.adjustment.problem.index.blocks
     found = []
     for kind in ("rotation", "point"):
         if kind in blocks:
             out, whole = _counted(snooping, kind, len(blocks[kind].ids))
-            most = np.flatnonzero((2 * out > whole) & (out >= _AT_LEAST))
+            most = np.flatnonzero((2 * out > whole) & (out >= 3))
             found += [TakenOut(kind, int(b), int(out[b]), int(whole[b])) for b in most]
     return found
 
@@ -527,9 +515,6 @@ def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray,
 # residual is none that chance brings among all observations: of several that are merely unlikely, which one
 # goes out would hang on the way again. Those come back and are flagged, as in any adjustment.
 
-_ROUNDS = 8
-"""Adjustments in which suspects come back: of those that share a point only one at a time."""
-
 Assessed = Callable[[Adjustment], Quality]
 
 
@@ -541,7 +526,7 @@ def put_back(
     ``assessed``: how an adjustment is assessed. What was given up with a lost block stays out.
     """
     problem, masks = with_suspects(quality.adjustment.problem, suspects)
-    kept_out = tuple(group.left_out for group in problem.groups)
+    kept_out = problem.left_out
     refused = tuple(np.zeros_like(mask) for mask in masks)
     largest = _largest_by_chance(quality, problem.observations)
 
@@ -550,7 +535,7 @@ def put_back(
         again = adjust(exclude(problem, out), quality.adjustment.values, settings)
         return assessed(again) if again.outcome.is_solution else None
 
-    for _ in range(_ROUNDS):
+    for _ in range(8):  # of suspects that share a point only one comes back at a time
         fitting = _putting_back_fitting(quality, problem, _but(masks, refused), largest)
         found = returned(fitting) if any(mask.any() for mask in fitting) else None
         if found is None:

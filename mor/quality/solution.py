@@ -49,10 +49,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Directions that are determined, but hardly: which unknowns move together, and how far.
 
-_MOST = 6
-_SHARE = 0.5
-"""Part of the variance of an unknown that must come from a weak direction for the unknown to be told."""
-
 
 class WeakDirection(NamedTuple):
     """A direction that the observations hardly determine."""
@@ -64,7 +60,10 @@ class WeakDirection(NamedTuple):
 
 
 def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[WeakDirection]:
-    """Weak directions that the datum leaves, the weakest first; without a solution those at the last values."""
+    """Weak directions that the datum leaves, the weakest first; without a solution those at the last values.
+
+    Up to six unknowns are told of each: those that have more than half of their variance from it.
+    """
     weak = adjustment.inverse.weak
     if weak.shape[1] == 0:
         return []
@@ -85,8 +84,8 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
     of_points[index.columns["point"][index.columns["point"] >= 0]] = True
     directions = []
     for k in range(weak.shape[1]):
-        moving = np.flatnonzero(share[:, k] > _SHARE)
-        told = moving[np.lexsort([-share[moving, k], of_points[moving]])][:_MOST]
+        moving = np.flatnonzero(share[:, k] > 0.5)
+        told = moving[np.lexsort([-share[moving, k], of_points[moving]])][:6]
         if len(told):
             directions.append(
                 WeakDirection(
@@ -99,13 +98,8 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
 
 # ---- What to think of an adjustment: do the observations agree, which groups contradict, is the result determined.
 
-EXPLAINED, ALWAYS_EXPLAINED = 20, 5
-"""Groups for which an explanation is looked for, at most where they reject beside all others, and in any case: what is
-worst beside the rest need not be what is wrong."""
 _LEAST_LEFT = 1.0
 """Redundancy that an effect must leave: a group that is used up by it says nothing for it."""
-_MOST_MOVEMENTS = 7
-"""Movements of a whole network: shifts, turns, scale."""
 
 
 class Explained(NamedTuple):
@@ -188,7 +182,8 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
     limit = float(np.log(tests.level_of_each))
     alike = tests.all_alike and fits_one_factor(quality)
     beside = sum(test.log_p_beside_rest <= limit for test in rejected)
-    looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
+    # At least five, for what is worst beside the rest need not be what is wrong; at most twenty.
+    looked_at = rejected[: min(max(beside, 5), 20)]
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
     # Two that contradict each other gain alike: round-off must not say which comes first.
     explained.sort(key=lambda one: -float(f"{one.gain:.6g}"))
@@ -217,12 +212,8 @@ def determined(quality: Quality) -> Determination:
 def _chosen_only(quality: Quality) -> bool:
     """True where coordinates are held fixed, but so few that nothing controls them."""
     _, fixed = network_components(quality.adjustment.problem, quality.adjustment.values)
-    if not fixed.any() or np.count_nonzero(fixed) > _MOST_MOVEMENTS:
-        return False
-    return bool(
-        0 < int(np.count_nonzero(fixed)) <= _MOST_MOVEMENTS
-        and sum(test.freedom for test in fixed_point_tests(quality)) == 0
-    )
+    # A whole network has seven movements: shifts, turns, scale.
+    return 0 < int(np.count_nonzero(fixed)) <= 7 and not any(test.freedom for test in fixed_point_tests(quality))
 
 
 def _explained(quality: Quality, tests: GroupTests, test: GroupStatistic) -> Explained:
@@ -246,8 +237,7 @@ def _beside_what_is_left(effect: GroupEffect, critical: float) -> bool:
     """True where an effect is significant beside the residuals it leaves: those of a gross error have any offset."""
     if effect.redundancy < _LEAST_LEFT:
         return False
-    square = np.array([(effect.test / effect.factor) ** 2])
-    return bool(log_p_student(square, effect.redundancy)[0] < log_p_normal(np.array([critical]))[0])
+    return bool(log_p_student((effect.test / effect.factor) ** 2, effect.redundancy) < log_p_normal(critical))
 
 
 def _accepted(test: GroupStatistic, effect: GroupEffect, limit: float) -> bool:
@@ -318,7 +308,7 @@ def treat(
     found, quality = iterated_components(quality, levels, aposteriori, wanted.component_method)
     if snooping is not None and found.settled:
         weighted = reweighted(problem, [found.of(group, k) for k, group in enumerate(problem.groups)])
-        out = tuple(group.left_out for group in quality.adjustment.problem.groups)
+        out = quality.adjustment.problem.left_out
         again = snoop(weighted, quality, levels, aposteriori, out)
         snooping = again.after(snooping)
         quality = again.quality
@@ -415,7 +405,7 @@ class Solved:
         quality, judged = self.quality, self.verdict
         if quality is None or judged is None or not quality.global_test.accepted or judged.contradicted:
             return False
-        return judged.determined is None or judged.determined.as_a_whole
+        return judged.determined.as_a_whole
 
 
 # ---- Images on a trajectory in the result: their poses and cofactors, from those of the knots.

@@ -55,15 +55,12 @@ def sum_of_known(shape: tuple[int, int], work: Callable[[slice], FloatArray]) ->
 
     def of_part(first: int, count: int) -> float:
         if count <= ROWS_AT_A_TIME:
-            return float(np.sum(_or_zero(work(slice(first, first + count)))))
+            values = work(slice(first, first + count))
+            return float(np.sum(np.where(np.isnan(values), 0.0, values)))
         half = (count * width // 2) // 8 * 8 // width or count // 2
         return of_part(first, half) + of_part(first + half, count - half)
 
     return of_part(0, rows)
-
-
-def _or_zero(values: FloatArray) -> FloatArray:
-    return np.where(np.isnan(values), 0.0, values)
 
 
 # ---- Quality of the observations of one group: what is kept of it, and what follows from that.
@@ -262,6 +259,11 @@ def chi2_level(freedom: float, ncp: float, power: float) -> Limit:
     return Limit(critical, float(chdtrc(freedom, critical)))
 
 
+LEVEL = 1e-3
+"""Of every question beside the tests that the project asks for: is anything rejected, is a hypothesis better than none,
+does a note on the input say more than chance."""
+
+
 def sidak(familywise: float, tests: int) -> float:
     """Level of each of n independent tests of which, together, one rejects by mistake with ``familywise``."""
     return float(-np.expm1(np.log1p(-familywise) / max(tests, 1)))
@@ -269,18 +271,17 @@ def sidak(familywise: float, tests: int) -> float:
 
 # ---- Logarithms of p-values, right also where the p-value itself is smaller than any number a computer has.
 
-_MANY = 10_000.0
 
-
-def log_p_normal(w: FloatArray) -> FloatArray:
+def log_p_normal(w: float | FloatArray) -> FloatArray:
     """ln P(|x| ≥ |w|), x standard normal."""
     return np.asarray(np.log(2.0) + log_ndtr(-np.abs(w)))
 
 
-def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
+def log_p_chi2(square: float | FloatArray, freedom: float | FloatArray) -> FloatArray:
     """ln P(χ² ≥ ``square``); far out by the asymptotic series of the incomplete gamma function (DLMF 8.11.2)."""
+    square, freedom = np.broadcast_arrays(np.asarray(square, dtype=float), np.asarray(freedom, dtype=float))
     if (freedom[np.isfinite(square)] == 2.0).all():
-        return -0.5 * square + 0.0 * freedom
+        return np.asarray(-0.5 * square + 0.0 * freedom)
     a, x = 0.5 * freedom, 0.5 * square
     with np.errstate(divide="ignore", invalid="ignore"):
         log_p = np.log(gammaincc(a, x))
@@ -288,13 +289,13 @@ def log_p_chi2(square: FloatArray, freedom: FloatArray) -> FloatArray:
     return np.where(np.isneginf(log_p) & np.isfinite(square), far, log_p)
 
 
-def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
+def log_p_student(square: float | FloatArray, freedom: float) -> FloatArray:
     """ln P(t² ≥ ``square``) for Student's t with ``freedom`` degrees of freedom; NaN without any.
 
     This is F(1, f): the regularised incomplete beta function I_x(f/2, 1/2) at x = f/(f + t²). With very many degrees
     of freedom it is the normal distribution of a transformed t (G. W. Hill, 1970, Algorithm 395), to ten digits.
     """
-    if freedom < _MANY:
+    if freedom < 10_000.0:
         return log_p_f(square, 1.0, freedom)
     a = freedom - 0.5
     b = 48.0 * a * a
@@ -306,16 +307,16 @@ def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
 def coverage_probability(factor: float, freedom: float) -> float:
     """P(|t| ≤ ``factor``), t of Student's distribution, or normal if ``freedom`` is infinite (JCGM 100:2008, G.3)."""
     if np.isinf(freedom):
-        return float(-np.expm1(log_p_normal(np.array([factor])))[0])
-    return float(-np.expm1(log_p_student(np.array([factor**2]), freedom))[0])
+        return float(-np.expm1(log_p_normal(factor)))
+    return float(-np.expm1(log_p_student(factor**2, freedom)))
 
 
-def log_p_f(ratio: FloatArray, above: float | FloatArray, freedom: float) -> FloatArray:
+def log_p_f(ratio: float | FloatArray, above: float | FloatArray, freedom: float) -> FloatArray:
     """ln P(F ≥ ``ratio``) for F(``above``, ``freedom``)."""
     if freedom <= 0.0:
         return np.full(np.shape(ratio), np.nan)
     above = np.broadcast_to(np.asarray(above, dtype=float), np.shape(ratio))
-    square = above * ratio
+    square = np.asarray(above * ratio)
     x = freedom / (freedom + square)
     with np.errstate(divide="ignore"):
         log_p = np.log(betainc(0.5 * freedom, 0.5 * above, x))
@@ -343,6 +344,17 @@ def _log_beta_tail(a: float, b: FloatArray, excess: FloatArray) -> FloatArray:
         if np.abs(d * c - 1.0).max() < 1e-15:
             break
     return np.asarray(front + np.log(fraction))
+
+
+# ---- The σ of most observations, whatever the others are: from the median of their sizes.
+
+MEDIAN_OF_NORMAL = 0.6745
+"""Median of |x| of a standard normal x, Φ⁻¹(3/4) to four digits."""
+
+
+def robust_sigma(sizes: FloatArray) -> float:
+    """σ of normal errors whose absolute values (n,) have this median; 0 without any."""
+    return float(np.median(sizes)) / MEDIAN_OF_NORMAL if sizes.size else 0.0
 
 
 # ---- Statistical tests on the outcome: the global test and the normalised residuals.

@@ -28,14 +28,6 @@ from mor.types import BoolArray, FloatArray
 
 Method = Literal["simplified", "helmert"]
 
-LEAST = 2.0 - 1e-6
-"""Redundancy a group must have, with its final weights too, for its factor to be iterated into the weights.
-
-Others keep the σ they came with: the component of so small a group may run away to zero.
-"""
-ROUNDS = 100
-_SETTLED = 1e-7
-
 
 class Components(NamedTuple):
     """Estimated factors of the σ of each group."""
@@ -79,8 +71,9 @@ def iterated_components(
     """Factors of σ iterated into the weights, and the quality of the adjustment with them."""
     problem = quality.adjustment.problem
     total, estimated = np.ones(len(problem.groups)), np.ones(len(problem.groups), dtype=bool)
-    for rounds in range(1, ROUNDS + 1):
-        estimated &= group_sums(quality)[1] >= LEAST
+    for rounds in range(1, 101):
+        # The component of a group with less redundancy may run away to zero: it keeps the σ it came with.
+        estimated &= group_sums(quality)[1] >= 2.0 - 1e-6
         found = _step(quality, method, estimated)
         step = np.where(estimated & (found > 0.0), found, 1.0 / total)
         total = total * step
@@ -98,7 +91,7 @@ def iterated_components(
 
 def has_settled(step: FloatArray) -> bool:
     """True where the factors (g,) of a round change nothing any more."""
-    return bool(np.abs(step - 1.0).max(initial=0.0) < _SETTLED)
+    return bool(np.abs(step - 1.0).max(initial=0.0) < 1e-7)
 
 
 class _Estimate(NamedTuple):

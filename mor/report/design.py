@@ -115,7 +115,7 @@ def _where(judged: RequirementResult, solved: Solved) -> str:
         if number < 0:
             return ""
         group = solved.adjustment.problem.groups[number]
-        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
+        names = group.said_names(row)
         return f"{group.type.name} {names} {group.type.components[component].name}"
     return wanted.names[judged.where[0]]
 

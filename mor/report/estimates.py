@@ -360,7 +360,7 @@ def group_table(solved: Solved) -> pl.DataFrame:
         row: dict[str, Any] = {
             "name": group.name,
             "type": group.type.name,
-            "observations": int(np.count_nonzero(group.mask & ~group.left_out)),
+            "observations": int(np.count_nonzero(group.used)),
         }
         if solved.quality is not None:
             quality = solved.quality.groups[number]

@@ -444,7 +444,7 @@ def _counts(problem: Problem, bodies: Mapping[str, IntArray], count: int) -> tup
     """Rows and observed components (bodies,) that refer to each body."""
     rows, entries = np.zeros((2, count), dtype=np.int64)
     for group in problem.groups:
-        observed = np.count_nonzero(group.mask & ~group.left_out, axis=1)
+        observed = np.count_nonzero(group.used, axis=1)
         earlier: list[IntArray] = []
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind not in bodies:

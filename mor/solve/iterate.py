@@ -187,6 +187,11 @@ class Adjustment(NamedTuple):
     gone: IntArray = _NO_POINTS
     """Numbers of the point blocks at which it has stopped: at infinity, or led past a camera by the next step."""
 
+    @property
+    def redundancy(self) -> int:
+        """n − u + d, with d movements that the observations leave free."""
+        return self.problem.observations - self.problem.index.count + self.defect.dimension
+
 
 Watcher = Callable[[Iteration], None]
 """Is told of every iteration."""
@@ -814,7 +819,7 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
                 return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
     ended = is_over(state, change, state.inverse.weak)
     over = ended and is_in_datum(state, step, shift, gain, change)
-    iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
+    iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, state.redundancy)
     if over and change <= ACCURACY:
         return _converged(_last_step(state, step + shift, iteration))
     taken = None if over else _with_curvature(state, change)  # steps of round-off tell no curvature
@@ -924,11 +929,6 @@ def _converged(state: Adjustment) -> Adjustment:
         stride=Stride(np.zeros(0)),
         normals=state.normals.spent(),
     )
-
-
-def _redundancy(state: Adjustment) -> int:
-    problem = state.problem
-    return problem.observations - problem.index.count + state.defect.dimension
 
 
 def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adjustment:

@@ -148,9 +148,14 @@ class Problem:
         return np.concatenate([[0], np.cumsum([group.observed.size for group in self.groups])]).astype(np.int64)
 
     @property
+    def left_out(self) -> tuple[BoolArray, ...]:
+        """(n, m) of each group: observations that are kept out of the adjustment."""
+        return tuple(group.left_out for group in self.groups)
+
+    @property
     def observations(self) -> int:
         """Number of observations n; excluded ones do not count."""
-        return int(sum(np.count_nonzero(group.mask & ~group.left_out) for group in self.groups))
+        return int(sum(np.count_nonzero(group.used) for group in self.groups))
 
 
 # ---- Linearise observation groups: misclosures, Jacobians and the columns they belong to.

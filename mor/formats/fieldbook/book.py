@@ -20,14 +20,14 @@ from itertools import combinations, count, islice, pairwise
 from math import atan2, cos, hypot, inf, isnan, nan, pi, radians, sin, sqrt, tau
 from pathlib import Path
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from mor.errors import counted
-from mor.formats.draft import Draft, Row, read_lines
+from mor.formats.draft import Draft, Row, parse_number, read_lines
 from mor.project.levelling import ALONE, REPEATED, SIGMA_KILOMETRE, SIGMA_SET_UP, LevelledDifference, Levelling
 from mor.types import BoolArray, FloatArray
 
@@ -36,36 +36,18 @@ SIGMA_DISTANCE, PPM = "2 mm", "2"
 SIGMA_CONTROL = "0.01"
 """Standard deviations of readings and of given coordinates (m): no field book has any."""
 _CONTROL = "".join(map(chr, (*range(9), *range(14, 32), 127)))
-_SPANS = 12
-"""Spans of lines that a note lists."""
-_NAMED = 5
-"""Points that a note names."""
 AGREES = 0.1
 """Metres within which a slope distance agrees with given coordinates, for the purpose of telling whose sight it is."""
-NOT_TURNED = 0.01
-"""Gon (36 arcsec) within which a circle reads azimuths."""
 APART, APART_IN_HEIGHT = 0.5, 3.0
 """Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
-ELSEWHERE = 1e5
-"""Metres from all others beyond which whole metres are another system."""
 FARTHER = 1.1
 """Factor and metres by which given points may be farther apart than the sights between them: target heights, scale."""
-MOST_COMPARED = 2_000
-"""Given points of a book up to which each is compared with every other."""
 _COMPARED, _BLOCKS = 20, 100
 """Targets with which one is compared, and groups of sights of a set-up that are compared with each other."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
-LEAST_COPIED = 3
-"""Sights in a run from which on equal readings are copies."""
 ROUNDED = 0.0015
 """Metres within which coordinates are the same but for rounding."""
-COMMON = 3
-"""Targets with the same distances from each other by which a set-up is known to be at another place."""
-NEAR = 1.0
-"""Metres within which given points tell no direction."""
-TALLEST = 3.0
-"""Metres between a point and the instrument over it, at most."""
 CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
@@ -83,6 +65,10 @@ _MOVED = (
 _POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
 _OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
+
+
+Place: TypeAlias = tuple[float | None, float | None, float | None]
+"""East, north and height in metres; ``None`` if there is none."""
 
 
 class Sight(NamedTuple):
@@ -166,7 +152,7 @@ class FieldBook:
         station: str,
         line: int,
         height: float = 0.0,
-        place: tuple[float | None, float | None, float | None] | None = None,
+        place: Place | None = None,
         claims: bool = False,
         resection: int = 0,
     ) -> InstrumentSetUp:
@@ -199,7 +185,7 @@ class FieldBook:
         self.set_ups.append(opened)
         return opened
 
-    def _claim(self, place: tuple[float | None, float | None, float | None] | None) -> None:
+    def _claim(self, place: Place | None) -> None:
         """Let the last sights before a station record wait for it if they are those of its stationing.
 
         They are if the instrument could not compute coordinates from them, as it did at the station before, or if
@@ -242,9 +228,8 @@ class FieldBook:
         """Misfit of a distance in plan to given coordinates, 1 at most if it agrees; ``None`` without both."""
         target = self.points.get(sight.target)
         length = sight.horizontal_distance
-        if length is None and sight.slope is not None and sight.zenith is not None:
-            unit = pi / 180.0 if self.angle == "deg" else pi / 200.0
-            length = sight.slope * abs(sin(sight.zenith * unit))
+        if length is None and (polar := self.polar(sight)) is not None:
+            length = polar[0]
         if target is None or length is None:
             return None
         (east, north), (target_east, target_north) = station[:2], target[:2]
@@ -305,12 +290,10 @@ class FieldBook:
 
         With ``turned`` a first sight to the backsight that reads something else was made before the circle was set.
         """
-        full = 360.0 if self.angle == "deg" else 400.0
         for k, other in enumerate(set_up.sights):
             if other.target != sight.target or other.horizontal is None or sight.horizontal is None:
                 continue
-            flip = full / 2 if face_of(other, full) == 2 else 0.0
-            if abs((other.horizontal - flip - sight.horizontal + full / 2) % full - full / 2) < CIRCLE_SET * full:
+            if abs(self._folded(other.horizontal - self._flip(other) - sight.horizontal)) < CIRCLE_SET * self.full:
                 return
             if turned and k == 0:
                 set_up.sights[k] = other._replace(before=True)
@@ -390,14 +373,10 @@ class FieldBook:
         for what, lines in self.skipped.items():
             draft.note(f"not read: {what} ({counted(len(lines), 'record')}, lines {_spans(lines)})", lines[0])
         if self.replaced:
-            said = [
-                f"{name} (line {old.line}, then {new.line})"
-                for name, (old, new) in list(self.replaced.items())[:_NAMED]
-            ]
-            more = ", …" if len(self.replaced) > _NAMED else ""
+            said = [f"{name} (line {old.line}, then {new.line})" for name, (old, new) in self.replaced.items()]
             draft.note(
                 f"{counted(len(self.replaced), 'point')} with other coordinates later in the book, which replace "
-                f"the earlier ones: {', '.join(said)}{more}",
+                f"the earlier ones: {_first_names(said)}",
                 next(iter(self.replaced.values()))[1].line,
             )
         draft.put("title", title)
@@ -444,7 +423,7 @@ class FieldBook:
             for line in lines:
                 self.leave_out(what, line)
         if renamed:
-            names = ", ".join(renamed[:_NAMED]) + (", …" if len(renamed) > _NAMED else "")
+            names = _first_names(renamed)
             self.draft.note(
                 f"{counted(len(renamed), 'name')} of turning points in several lines at different heights, which are "
                 f"called NAME (2) and so on: {names}",
@@ -466,7 +445,7 @@ class FieldBook:
         A first sight of this kind sets the circle: the target is pointed at in direction only. That is so in a book
         whose later sights to these targets have other zenith angles. A later one is to another height.
         """
-        turned = CIRCLE_SET * self._full
+        turned = CIRCLE_SET * self.full
         first, later, known = list[tuple[InstrumentSetUp, int]](), list[tuple[InstrumentSetUp, int]](), list[float]()
         reached = set[str]()
         for set_up in self.set_ups:
@@ -479,7 +458,7 @@ class FieldBook:
                     abs((other.zenith or 0.0) - sight.zenith)
                     for other in set_up.sights[1:]
                     if other.target == sight.target and other.slope
-                    if face_of(other, self._full) == face_of(sight, self._full)
+                    if face_of(other, self.full) == face_of(sight, self.full)
                 ]
                 if k == 0:
                     first.append((set_up, k))
@@ -490,7 +469,7 @@ class FieldBook:
             sight = set_up.sights[k]
             if sight.target in reached:
                 self.leave_out(_OTHER_HEIGHT if k else _POINTING, sight.line)
-                set_up.sights[k] = sight._replace(zenith=None, face=face_of(sight, self._full))
+                set_up.sights[k] = sight._replace(zenith=None, face=face_of(sight, self.full))
 
     def _take_zeros(self) -> None:
         """Take coordinates that are all 0 as those of the origin if nothing else is given, or if distances fit them."""
@@ -517,19 +496,15 @@ class FieldBook:
     def _drop_presets(self) -> None:
         """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
 
-        Those far from others are whole metres.
+        Those far from others are whole metres, and 100 km away from all that are none.
         """
-        plans = {
-            name: complex(place.east, place.north)
-            for name, place in self.points.items()
-            if place.east is not None and place.north is not None
-        }
+        plans = self._plans()
         stations = {set_up.station: 0 for set_up in self.set_ups if set_up.station in plans}
         shared = Counter(plans[name] for name in stations)
         whole = {name for name in stations if plans[name].real % 1.0 == plans[name].imag % 1.0 == 0.0}
         others = [plan for name, plan in plans.items() if name not in whole]
         for name in stations:
-            far = name in whole and others and min(abs(plans[name] - other) for other in others) > ELSEWHERE
+            far = name in whole and others and min(abs(plans[name] - other) for other in others) > 1e5
             if far or shared[plans[name]] > 1:
                 self.leave_out(_PRESET, self.points.pop(name).line)
 
@@ -538,14 +513,10 @@ class FieldBook:
 
         They are of another system, as are points nearer to those than allowed that no distance confirms. All are left
         out if that concerns more than half of the points, and none if it concerns half of them, unless the others alone
-        are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
+        are no whole metres. Books of more than 2000 given points are taken as they are.
         """
-        plans = {
-            name: complex(place.east, place.north)
-            for name, place in self.points.items()
-            if place.east is not None and place.north is not None
-        }
-        if not 2 <= len(plans) <= MOST_COMPARED:
+        plans = self._plans()
+        if not 2 <= len(plans) <= 2000:
             return
         places, ways = np.array(list(plans.values())), self._ways(list(plans))
         given = np.abs(places[:, None] - places)
@@ -567,6 +538,11 @@ class FieldBook:
         elif dropped > len(left):
             for name in plans:
                 self.leave_out(_WRONG, self.points.pop(name).line)
+
+    def _plans(self) -> dict[str, complex]:
+        """Given coordinates in plan, of the points that have both."""
+        known = ((name, place.east, place.north) for name, place in self.points.items())
+        return {name: complex(east, north) for name, east, north in known if east is not None and north is not None}
 
     def _nearer(self, names: Sequence[str], given: FloatArray) -> tuple[BoolArray, BoolArray]:
         """Return the pairs (n, n) that are nearer than distances in plan allow, and those that a distance confirms.
@@ -626,7 +602,7 @@ class FieldBook:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
 
         That is at stations with given coordinates that sight no point with given coordinates, or with a place from
-        another station, and at one set-up of a part of the book whose given points are one, or near to each other.
+        another station, and at one set-up of a part of the book whose given points are one, or within 1 m.
         """
         placed: dict[str, set[int]] = {}
         for k, set_up in enumerate(self.set_ups):
@@ -635,7 +611,7 @@ class FieldBook:
                 if sight.slope or sight.horizontal_distance:
                     placed.setdefault(sight.target, set()).add(k)
         turned = list[InstrumentSetUp]()
-        alone = [part for part in _parts(self.set_ups) if 0.0 <= self._extent(part & self.points.keys()) < NEAR]
+        alone = [part for part in _parts(self.set_ups) if 0.0 <= self._extent(part & self.points.keys()) < 1.0]
         for k, set_up in enumerate(self.set_ups):
             targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
             part = next((part for part in alone if set_up.station in part), None)
@@ -651,12 +627,12 @@ class FieldBook:
                 sight
                 if sight.horizontal is None
                 else sight._replace(
-                    horizontal=None, bearing=(sight.horizontal + set_up.orientation + self._flip(sight)) % self._full
+                    horizontal=None, bearing=(sight.horizontal + set_up.orientation + self._flip(sight)) % self.full
                 )
                 for sight in set_up.sights
             ]
         if turned:
-            names = ", ".join(s.station for s in turned[:_NAMED]) + (", …" if len(turned) > _NAMED else "")
+            names = _first_names([s.station for s in turned])
             self.draft.note(
                 f"{counted(len(turned), 'set-up')} oriented by the azimuth of circle or backsight that the book says, "
                 f"or by computed coordinates, as no known point is sighted: {names}",
@@ -665,13 +641,13 @@ class FieldBook:
 
     def _extent(self, names: Iterable[str]) -> float:
         """Largest distance in plan between given points; negative without any."""
-        known = [self.points[name] for name in names]
-        plans = [complex(p.east or 0.0, p.north or 0.0) for p in known if p.east is not None and p.north is not None]
+        known = self._plans()
+        plans = [known[name] for name in names if name in known]
         return max((abs(plan - plans[0]) for plan in plans), default=-1.0)
 
     def _computed_orientation(self, set_up: InstrumentSetUp) -> float | None:
         """The angle that the instrument added to circle readings to compute the targets; ``None`` if it is not one."""
-        station, full = self.points[set_up.station], self._full
+        station, full = self.points[set_up.station], self.full
         turns = []
         for sight in set_up.sights:
             end, polar = sight.computed or self.computed.get(sight.target), self.polar(sight)
@@ -680,15 +656,23 @@ class FieldBook:
             east, north = (end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0)
             if polar[0] > 1.0 and abs(hypot(east, north) - polar[0]) < AGREES:
                 turns.append(atan2(east, north) * full / tau - sight.horizontal - self._flip(sight))
-        apart = [(turn - turns[0] + full / 2) % full - full / 2 for turn in turns]
+        apart = [self._folded(turn - turns[0]) for turn in turns]
         is_turned = len({sight.before for sight in set_up.sights}) > 1
         if not turns or is_turned or max(map(abs, apart)) > CIRCLE_SET * full:
             return None
         return turns[0] + sum(apart) / len(apart)
 
+    def _folded(self, angle: float) -> float:
+        """The angle within half a circle to either side."""
+        return (angle + self.full / 2) % self.full - self.full / 2
+
+    def parsed(self, angle: str) -> float:
+        """An angle in gon, or as degrees, minutes and seconds."""
+        return parse_number(angle) if self.angle == "gon" else sexagesimal(angle)
+
     def _flip(self, sight: Sight) -> float:
         """Half a circle for a reading in face two."""
-        return self._full / 2 if face_of(sight, self._full) == 2 else 0.0
+        return self.full / 2 if face_of(sight, self.full) == 2 else 0.0
 
     def _drop_heights(self) -> None:
         """Leave out the given heights of a book whose readings tell none."""
@@ -726,15 +710,15 @@ class FieldBook:
             self.points = {**self.computed, **self.points}
 
     @property
-    def _full(self) -> float:
+    def full(self) -> float:
         """The full circle in the unit of the book."""
         return 360.0 if self.angle == "deg" else 400.0
 
     def _drop_faulty(self, set_up: InstrumentSetUp) -> None:
-        """Leave out impossible zenith angles, and runs of sights that a download repeated to the last digit."""
+        """Leave out impossible zenith angles, and three sights or more that a download repeated to the last digit."""
         kept: list[Sight] = []
         for sight in set_up.sights:
-            if sight.zenith is not None and not 0.0 <= sight.zenith <= self._full:
+            if sight.zenith is not None and not 0.0 <= sight.zenith <= self.full:
                 self.leave_out("sights with an impossible zenith angle", sight.line)
             elif (polar := self.polar(sight)) is not None and polar[0] < ROUNDED < (sight.slope or 0.0):
                 self.leave_out(_UPRIGHT, sight.line)
@@ -750,7 +734,7 @@ class FieldBook:
                 runs[-1][1] = k
             else:
                 runs.append([k, k])
-        copies = {k for a, b in runs if b - a >= LEAST_COPIED - 1 for k in range(a, b + 1)}
+        copies = {k for a, b in runs if b - a >= 2 for k in range(a, b + 1)}
         for k in copies:
             self.leave_out("sights that repeat earlier ones in the same order to the last digit", kept[k].line)
         set_up.sights = [sight for k, sight in enumerate(kept) if k not in copies]
@@ -779,7 +763,7 @@ class FieldBook:
                     self.leave_out(_MOVED, sight.line)
                 set_up.sights = []
         if placed:
-            names = ", ".join(s.station for s in placed[:_NAMED]) + (", …" if len(placed) > _NAMED else "")
+            names = _first_names([s.station for s in placed])
             self.draft.note(
                 f"{counted(len(placed), 'set-up')} whose station the book does not name stand where the instrument "
                 f"computed its targets from: {names}",
@@ -793,7 +777,7 @@ class FieldBook:
             polar, target = self.polar(sight), sight.computed
             if polar is None or sight.horizontal is None or target is None or None in target[:2]:
                 continue
-            azimuth = (sight.horizontal + self._flip(sight)) * tau / self._full
+            azimuth = (sight.horizontal + self._flip(sight)) * tau / self.full
             end = complex(target.east or 0.0, target.north or 0.0)
             height = nan if target.height is None else target.height - polar[1]
             one = _Run(k, [sight.target], [end], [end - polar[0] * complex(sin(azimuth), cos(azimuth))], [height])
@@ -817,7 +801,7 @@ class FieldBook:
         if at:
             set_up.station, point = at[0]
             above = height - (nan if point.height is None else point.height)
-            if not set_up.height and 0.0 < above < TALLEST:
+            if not set_up.height and 0.0 < above < 3.0:  # metres between a point and the instrument over it
                 set_up.height = round(above, 3)
         elif len({sight.target for sight in set_up.sights} & self.points.keys()) < 2:
             up = None if isnan(height) else round(height - set_up.height, 3)
@@ -843,7 +827,7 @@ class FieldBook:
         polar = self.polar(sight)
         if polar is None or sight.horizontal is None:
             return None
-        return cmath.rect(polar[0], (sight.horizontal + self._flip(sight)) * tau / self._full), polar[1]
+        return cmath.rect(polar[0], (sight.horizontal + self._flip(sight)) * tau / self.full), polar[1]
 
     def _correct_heights(self, set_up: InstrumentSetUp) -> None:
         """Give a target that is sighted at the same place again the last target height, unless that is 0."""
@@ -867,9 +851,8 @@ class FieldBook:
 
     def _apart(self, one: Sight, other: Sight) -> float:
         """Angle (rad) between two circle readings, both in face one."""
-        full = self._full
         readings = [(sight.horizontal or 0.0) - self._flip(sight) for sight in (one, other)]
-        return ((readings[1] - readings[0] + full / 2) % full - full / 2) * tau / full
+        return self._folded(readings[1] - readings[0]) * tau / self.full
 
     def _part_first_sight(self, set_up: InstrumentSetUp) -> None:
         """Make a first sight a set of its own if all later ones to its target read another circle: it was set then."""
@@ -919,7 +902,7 @@ class FieldBook:
                         parted.setdefault(name, sight.line)
                 set_up.sights[k] = sight._replace(target=own)
         if parted:
-            names = ", ".join(list(parted)[:_NAMED]) + (", …" if len(parted) > _NAMED else "")
+            names = _first_names(list(parted))
             self.draft.note(
                 f"{counted(len(parted), 'name')} used again for points elsewhere, which are called NAME (2) and so on: "
                 f"{names}",
@@ -933,7 +916,7 @@ class FieldBook:
         """
         first: dict[str, Sight] = {}
         moved: dict[int, list[tuple[float, int]]] = {}
-        numbers = rounds(set_up.sights, self._full)
+        numbers = rounds(set_up.sights, self.full)
         for k, (sight, number) in enumerate(zip(set_up.sights, numbers, strict=True)):
             if sight.horizontal is None or sight.slope is None:
                 continue
@@ -970,13 +953,10 @@ class FieldBook:
         """
         early = [sight for sight in set_up.sights if sight.before and sight.horizontal is not None]
         later = [s for s in set_up.sights if not s.before and s.horizontal is not None]
-        full = 360.0 if self.angle == "deg" else 400.0
-        turn = set_up.turn
-        if turn is None:
-            turn = self._turned(set_up, early, full)
+        turn = self._turned(set_up, early) if set_up.turn is None else set_up.turn
         if turn is None or not early or not later:
             return
-        if abs((turn + full / 2) % full - full / 2) * 400.0 / full < NOT_TURNED and set_up.turn is None:
+        if abs(self._folded(turn)) * 400.0 / self.full < 0.01 and set_up.turn is None:  # within 36 arcsec
             turn = 0.0
         elif set_up.turn is None:
             elsewhere = {s.target for other in self.set_ups for s in other.sights if other is not set_up}
@@ -991,14 +971,14 @@ class FieldBook:
         set_up.sights = [
             s._replace(
                 before=False,
-                horizontal=(s.horizontal + turn) % full if s.before and s.horizontal is not None else s.horizontal,
+                horizontal=(s.horizontal + turn) % self.full if s.before and s.horizontal is not None else s.horizontal,
             )
             for s in set_up.sights
         ]
 
-    def _turned(self, set_up: InstrumentSetUp, early: Sequence[Sight], full: float) -> float | None:
+    def _turned(self, set_up: InstrumentSetUp, early: Sequence[Sight]) -> float | None:
         """Angle from readings before a station record to azimuths; ``None`` if no coordinates tell it."""
-        place = self.points.get(set_up.station) or self.computed.get(set_up.station)
+        place, full = self.points.get(set_up.station) or self.computed.get(set_up.station), self.full
         turns = [
             azimuth - radians(s.horizontal * 360.0 / full) + (pi if face_of(s, full) == 2 else 0.0)
             for s in early
@@ -1096,7 +1076,7 @@ def _is_away(block: _Block, other: _Block) -> bool:
 
 
 def _is_rigid(block: _Block, other: _Block) -> bool:
-    """Return whether ``COMMON`` targets or more of two blocks are as far from each other, in plan and height."""
+    """Return whether 3 targets or more of two blocks are as far from each other, in plan and height."""
     names, agree, contradict = set[str](), 0, 0
     for one, two in combinations([name for name in block if name in other][:_COMPARED], 2):
         (a, up_a), (b, up_b), (c, up_c), (d, up_d) = block[one][0], block[two][0], other[one][0], other[two][0]
@@ -1105,7 +1085,7 @@ def _is_rigid(block: _Block, other: _Block) -> bool:
             names |= {one, two}
             agree += 1
         contradict += off > APART
-    return len(names) >= COMMON and agree > contradict
+    return len(names) >= 3 and agree > contradict
 
 
 def _same_plan(place: PointRecord, coordinates: tuple[float | None, float | None]) -> bool:
@@ -1185,7 +1165,7 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
     _put_table(book, ("id", "x", "y", "z"), others, flat)
     lines = [first.get(name) or book.points[name].line for name in flat]
     if lines:
-        names = ", ".join(list(flat)[:_NAMED]) + (", …" if len(flat) > _NAMED else "")
+        names = _first_names(list(flat))
         draft.note(
             f"{counted(len(lines), 'point')} without a height: no reading tells it, so it is fixed at 0: {names}",
             lines[0],
@@ -1255,7 +1235,7 @@ def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     stations = [Row([name, s.station, repr(s.height)], s.line) for name, s in zip(names, occupied, strict=True)]
     draft.table("stations", ("id", "point", "height"), stations)
     tables: dict[str, list[Row]] = {type_: [] for type_ in _COLUMNS}
-    sets, circle = 0, 360.0 if book.angle == "deg" else 400.0
+    sets, circle = 0, book.full
     for name, set_up in zip(names, occupied, strict=True):
         numbers = rounds(set_up.sights, circle)
         sets += max(numbers, default=0)
@@ -1366,16 +1346,21 @@ def rounds(sights: Sequence[Sight], circle: float) -> list[int]:
     return numbers
 
 
+def _first_names(names: Sequence[str]) -> str:
+    """The first five names, for a note."""
+    return ", ".join(names[:5]) + (", …" if len(names) > 5 else "")
+
+
 def _spans(lines: Sequence[int]) -> str:
-    """Line numbers with runs written together: 3, 5–9."""
+    """Line numbers with runs written together, the first twelve of these: 3, 5–9."""
     spans: list[list[int]] = []
     for line in sorted(set(lines)):
         if spans and line == spans[-1][1] + 1:
             spans[-1][1] = line
         else:
             spans.append([line, line])
-    said = [str(a) if a == b else f"{a}–{b}" for a, b in spans[:_SPANS]]
-    return ", ".join(said) + (f" and more up to {lines[-1]}" if len(spans) > _SPANS else "")
+    said = [str(a) if a == b else f"{a}–{b}" for a, b in spans[:12]]
+    return ", ".join(said) + (f" and more up to {lines[-1]}" if len(spans) > 12 else "")
 
 
 def sexagesimal(text: str) -> float:

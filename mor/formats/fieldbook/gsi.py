@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import AGREES, FieldBook, PointRecord, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import AGREES, FieldBook, Place, PointRecord, Sight, records, sexagesimal
 from mor.project.document import Document
 from mor.project.levelling import StaffReading
 
@@ -36,15 +36,6 @@ _NAMES = {
     "51": "ppm and prism constant",
     "58": "prism constant",
 }
-_STATION_CODES = ("2", "21")
-"""Codes of set-ups that programs of many offices share: 42 point, 43 instrument height (mm), 44 target height."""
-_TARGET_CODE = "3"
-"""Code of a new target height: 42 height (mm)."""
-_TALLEST = 3.0
-"""Metres: a value beyond is no instrument height."""
-
-_LOWEST = 0.5
-"""Metres: an instrument on a tripod is higher."""
 
 Words = dict[str, tuple[str, str]]
 """Information and signed value by word index."""
@@ -75,10 +66,8 @@ def read_gsi(path: Path) -> Document:
     blocks = [block for line, text in records(path, draft) for block in _blocks(text, line, draft)]
     reader = _GsiReader(book, blocks)
     for block in blocks:
-        try:
+        with draft.at(block.line):
             reader.block(block)
-        except ValueError as error:
-            draft.problem(str(error), block.line)
     book.finish(path.stem)
     return draft.finish()
 
@@ -126,14 +115,15 @@ def _station_codes(blocks: list[_GsiBlock]) -> set[str]:
     found: dict[str, list[bool]] = {}
     heights: dict[str, list[float]] = {}
     places: dict[str, list[int]] = {}
-    named, readings = set(_STATION_CODES), 0
+    # Programs of many offices share 2 and 21: 42 point, 43 instrument height (mm), 44 target height.
+    named, readings = {"2", "21"}, 0
     for block in blocks:
         readings += block.readings
         if not block.code or not targets:
             continue
         height = _millimetres(block.words["43"][1]) if "43" in block.words else None
         named_station = "42" in block.words and _plain(block.words["42"][1]) != "0"
-        fits = named_station and height is not None and 0.0 <= height < _TALLEST
+        fits = named_station and height is not None and 0.0 <= height < 3.0  # metres above a point
         found.setdefault(block.code, []).append(fits)
         heights.setdefault(block.code, []).append(height or 0.0)
         places.setdefault(block.code, []).append(readings)
@@ -146,7 +136,7 @@ def _station_codes(blocks: list[_GsiBlock]) -> set[str]:
         code
         for code in fitting
         if places[code][0] == 0
-        and min(heights[code]) > _LOWEST
+        and min(heights[code]) > 0.5  # metres: an instrument on a tripod is higher
         and all(after - before > 1 for before, after in pairwise((*places[code], readings)))
     }
     return fitting & named or (first if len(first) == 1 else set())
@@ -225,12 +215,12 @@ class _GsiReader:
             self.station = ()
             if "44" in words:
                 self.target = _millimetres(words["44"][1]) or 0.0
-        elif block.code == _TARGET_CODE and self.codes and self.heights_in_codes and "42" in words:
+        elif block.code == "3" and self.codes and self.heights_in_codes and "42" in words:  # a new target height, mm
             self.target = _millimetres(words["42"][1]) or 0.0
         else:
             self.book.leave_out(_NAMES["41"], line)
 
-    def _place(self, words: Words, line: int, first: int) -> tuple[float | None, float | None, float | None]:
+    def _place(self, words: Words, line: int, first: int) -> Place:
         east, north, up = (_length(words, str(index), line, self.book) for index in range(first, first + 3))
         return east, north, up
 
@@ -275,9 +265,7 @@ class _GsiReader:
         else:
             self._correct_unit(self._place(words, line, 81), self.book.polar(sight))
 
-    def _correct_unit(
-        self, target: tuple[float | None, float | None, float | None], polar: tuple[float, float] | None
-    ) -> None:
+    def _correct_unit(self, target: Place, polar: tuple[float, float] | None) -> None:
         """Divide coordinates of the station by 10 or 100 if only then the computed ones of a target fit the distance.
 
         Format files may write another number of decimals than the unit that they write says.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import partial
 from math import degrees, isfinite, sin
 from pathlib import Path
 
@@ -141,13 +140,8 @@ class _Survey:
             if element.name == "CgPoints":
                 self.points(element)
             elif element.name == "CgPoint" and element.text.strip():
-                self._try(self._point, element)
-
-    def _try(self, read: Callable[[Element], None], element: Element) -> None:
-        try:
-            read(element)
-        except ValueError as error:
-            self.book.draft.problem(f"{element.name}: {error}", element.line)
+                with self.book.draft.at(element.line, name=element.name):
+                    self._point(element)
 
     def _point(self, element: Element) -> None:
         name = (element.attributes.get("name") or element.attributes.get("oID") or "").strip()
@@ -170,7 +164,8 @@ class _Survey:
         """Set-ups of a survey, wherever they stand in it."""
         for child in element.children:
             if child.name == "InstrumentSetup":
-                self._try(self._set_up, child)
+                with self.book.draft.at(child.line, name=child.name):
+                    self._set_up(child)
             elif child.name == "ObservationGroup":
                 self.set_ups_in(child)
 
@@ -204,9 +199,11 @@ class _Survey:
         """Observations inside an element; ``key`` is the set-up of those that name none."""
         for child in element.children:
             if child.name in ("RawObservation", "ReducedObservation", "ReducedArcObservation"):
-                self._try(partial(self._observation, key), child)
+                with self.book.draft.at(child.line, name=child.name):
+                    self._observation(key, child)
             elif child.name == "Backsight":
-                self._try(partial(self._backsight, key), child)
+                with self.book.draft.at(child.line, name=child.name):
+                    self._backsight(key, child)
             elif child.name in _INSIDE:
                 own = child.attributes.get("id" if child.name == "InstrumentSetup" else "setupID", "")
                 self.observations_in(child, own or _set_up_of_backsight(child) or key)
@@ -353,10 +350,8 @@ def read_jobxml(path: Path) -> Document:
         raise InputError([Message(words, draft.file, root.line)])
     reader = _LandXmlReader(FieldBook(draft))
     for record in records.children:
-        try:
+        with draft.at(record.line, name=record.name):
             reader.record(record)
-        except ValueError as error:
-            draft.problem(f"{record.name}: {error}", record.line)
     reader.book.finish(root.attributes.get("jobName") or path.stem)
     return draft.finish()
 

@@ -12,6 +12,7 @@ from mor.errors import counted
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
 from mor.project.document import Document
+from mor.units import LENGTH_UNITS
 
 
 def _optional(text: str) -> float | None:
@@ -36,10 +37,8 @@ def read_nikon(path: Path) -> Document:
     reader = _Nikon(FieldBook(draft))
     book = reader.book
     for line, text in records(path, draft):
-        try:
+        with draft.at(line):
             reader.record(text, line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     reader.name_by_codes()
     for set_up, sight in reader.backsights:
         book.backsight(set_up, sight, turned=True)
@@ -116,7 +115,7 @@ class _Nikon:
 
     def _length(self, text: str) -> float | None:
         unit = self.state["dist units"].lower()
-        metres = 1.0 if unit.startswith("met") else 1200.0 / 3937.0 if "us" in unit else 0.3048
+        metres = 1.0 if unit.startswith("met") else LENGTH_UNITS["us-ft"] if "us" in unit else 0.3048
         value = _optional(text)
         return None if value is None else value * metres
 
@@ -129,7 +128,7 @@ class _Nikon:
         value, zero = self._angle(text), self.state["zero va"].lower()
         if value is None or zero.startswith("z"):
             return value
-        full = 400.0 if self.book.angle == "gon" else 360.0
+        full = self.book.full
         zenith = (full / 4 - value) % full
         return full - zenith if kind == "F2" and zero.startswith("c") else zenith
 
@@ -207,11 +206,9 @@ def read_topcon(path: Path) -> Document:
     else:
         reader = _Topcon(book, lines)
         for line, text in lines:
-            try:
+            with draft.at(line):
                 kind, rest = _keyed(text)
                 reader.record(kind, _cells(rest, 3), line)
-            except ValueError as error:
-                draft.problem(str(error), line)
         first = next((line for line, text in lines if _keyed(text)[0] == "XYZ"), 0)
         if first:
             draft.note(
@@ -248,7 +245,7 @@ class _Topcon:
             book.set_up(cells[0], line, (_optional(cells[1]) or 0.0) * self.metres)
             self.target, self.point, self.add = [], cells[0], book.station_point
         elif kind == "BKB" and book.set_ups:
-            book.set_ups[-1].orientation = self._angle(cells[1]) - self._angle(cells[2])
+            book.set_ups[-1].orientation = self.book.parsed(cells[1]) - self.book.parsed(cells[2])
             self.point, self.add = cells[0], book.point
         elif kind in ("BS", "SS", "FS", "OBS"):
             self.target, self.point, self.add = cells, cells[0], book.computed_point
@@ -259,15 +256,12 @@ class _Topcon:
         else:
             book.leave_out(f"records {kind}", line)
 
-    def _angle(self, text: str) -> float:
-        return (parse_number if self.book.angle == "gon" else sexagesimal)(text)
-
     def _sight(self, kind: str, cells: list[str], line: int) -> None:
         length = None if kind == "HV" else parse_number(cells[1 if kind == "HD" else 2]) * self.metres or None
         slope, plan = (None, length) if kind == "HD" else (length, None)
-        zenith = None if kind == "HD" else self._angle(cells[1])
+        zenith = None if kind == "HD" else self.book.parsed(cells[1])
         height = (_optional(self.target[1]) or 0.0) * self.metres
-        self.book.sight(Sight(self.target[0], line, self._angle(cells[0]), zenith, slope, plan, height))
+        self.book.sight(Sight(self.target[0], line, self.book.parsed(cells[0]), zenith, slope, plan, height))
         if kind == "HD":
             self.book.leave_out("differences of height (HD)", line)
 
@@ -295,7 +289,7 @@ def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
     for record in _GTS6_RECORD.finditer(stream):
         kind, cells = record[1], record[2].split("_")
         line = lines[bisect_right(ends, record.start())][0]
-        try:
+        with book.draft.at(line):
             if kind == "*" and open_sight is not None:
                 open_sight = open_sight._replace(height=metres * (_optional(cells[-1].strip(" ,")) or 0.0))
             if open_sight is not None:
@@ -312,8 +306,6 @@ def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
                 open_sight = Sight(cells[0], line, circle, zenith, length or None)
             elif kind == "+":
                 book.leave_out("sights without readings", line)
-        except ValueError as error:
-            book.draft.problem(str(error), line)
     if open_sight is not None:
         book.sight(open_sight)
 
@@ -321,7 +313,7 @@ def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
 def _gts6_angle(text: str, book: FieldBook) -> float:
     digits = text.lstrip("+-")
     sign = "-" if text.startswith("-") else ""
-    return (parse_number if book.angle == "gon" else sexagesimal)(f"{sign}{digits[:3]}.{digits[3:]}")
+    return book.parsed(f"{sign}{digits[:3]}.{digits[3:]}")
 
 
 def read_sokkia_scr(path: Path) -> Document:
@@ -334,7 +326,7 @@ def read_sokkia_scr(path: Path) -> Document:
     book = FieldBook(draft)
     for line, text in records(path, draft):
         cells = _cells(text, 12)
-        try:
+        with draft.at(line):
             if cells[0] == "M":
                 book.set_up("", line, _optional(cells[4]) or 0.0)
                 east, north, up = map(_optional, cells[7:10])
@@ -349,7 +341,5 @@ def read_sokkia_scr(path: Path) -> Document:
                     book.computed_point(cells[0], east, north, up, line)
             elif text.strip():
                 book.leave_out(f"records {cells[1]}", line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     book.finish(path.stem)
     return draft.finish()

@@ -14,6 +14,7 @@ from mor.formats.fieldbook.book import (
     GNSS,
     FieldBook,
     InstrumentSetUp,
+    Place,
     Sight,
     may_be_sexagesimal,
     records,
@@ -21,6 +22,7 @@ from mor.formats.fieldbook.book import (
 )
 from mor.project.document import Document
 from mor.project.levelling import REPEATED, StaffReading
+from mor.units import LENGTH_UNITS
 
 # ---- Geodimeter ARE and JOB: a number and a value a line.
 #
@@ -60,10 +62,8 @@ def read_geodimeter(path: Path) -> Document:
     height = 0.0
     backsights: list[tuple[InstrumentSetUp, Sight]] = []
     for first, end in pairwise([*begin, len(entries)]):
-        try:
+        with draft.at(entries[first][2]):
             height = _thing(entries[first:end], book, read, height, backsights)
-        except ValueError as error:
-            draft.problem(str(error), entries[first][2])
     for set_up, sight in backsights:
         book.backsight(set_up, sight)
     book.finish(path.stem)
@@ -147,10 +147,8 @@ def read_idx(path: Path) -> Document:
     draft = Draft(str(path))
     reader = _SectionReader(FieldBook(draft))
     for line, text in records(path, draft):
-        try:
+        with draft.at(line):
             reader.line(text.strip(), line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     reader.book.finish(reader.title or path.stem)
     return draft.finish()
 
@@ -251,8 +249,6 @@ _ALIASES = {"D": "SD", "E": "HD", "Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "L": "R"}
 """Names of Zeiss instruments."""
 _LEVELLED = {"Rb", "Rf", "Rz", "Lr", "Lv", "Lz", "HD", "E", "Z"}
 _M5_UNITS = {"gon": "gon", "grd": "gon", "grad": "gon", "deg": "deg", "m": "m"}
-_M5_NAME, _M5_WIDTH = slice(4, 12), 27
-"""Columns of the point in the field of a level, and the width from which that field has columns."""
 
 
 def read_m5(path: Path) -> Document:
@@ -271,10 +267,8 @@ def read_m5(path: Path) -> Document:
         if len(cells) < 4 or not cells[0].startswith("For"):
             draft.problem(f"found {text[:20]!r}, expected For M5|Adr …|…", line)
             continue
-        try:
+        with draft.at(line):
             reader.record(cells[2], cells[3:6], line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     reader.book.finish(path.stem)
     return draft.finish()
 
@@ -348,7 +342,8 @@ class _M5Reader:
 
     def _level(self, what: str, values: dict[str, tuple[float, str]], line: int) -> None:
         """A record of a level: a staff reading, or the height of a point."""
-        name = what[_M5_NAME].strip() if len(what) >= _M5_WIDTH else "".join(what.split()[1:2])
+        # From a width of 27 on the field of a level has columns.
+        name = what[4:12].strip() if len(what) >= 27 else "".join(what.split()[1:2])
         if "####" in what:
             self.book.leave_out(REPEATED, line)
             return
@@ -425,7 +420,7 @@ class _M5Reader:
             self.book.sight(sight)
 
 
-def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | None, float | None]:
+def _place(values: dict[str, tuple[float, str]]) -> Place:
     east, north, up = (values[axis][0] if axis in values else None for axis in "YXZ")
     return east, north, up
 
@@ -454,10 +449,8 @@ _USED = {
 }
 """Keys of the values that are read, by record, besides the date DT and the time TM."""
 _RW5_ANGLE = re.compile(r",(?:A[RLZ]|D[RL]|ZE|BS|BC)\s*(\d+\.\d*[1-9])")
-_DECISIVE = 10
-"""Angles with decimals that tell degrees, minutes and seconds from gon: of as many in gon, one would not be read."""
 _RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
-_UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
+_UNITS = {0: 0.3048, 1: 1.0, 2: LENGTH_UNITS["us-ft"]}
 """Metres of feet, metres, US survey feet."""
 
 
@@ -467,13 +460,12 @@ def read_rw5(path: Path) -> Document:
     reader = _RW5Reader(FieldBook(draft))
     lines = list(records(path, draft))
     angles = {angle for _, text in lines for angle in _RW5_ANGLE.findall(text)}
-    reader.may_be_gon = len(angles) < _DECISIVE or not may_be_sexagesimal(angles)
+    # Of ten angles in gon with decimals one would not be read as degrees, minutes and seconds.
+    reader.may_be_gon = len(angles) < 10 or not may_be_sexagesimal(angles)
     for line, text in lines:
         kind, _, rest = text.partition(",")
-        try:
+        with draft.at(line):
             reader.record(kind.strip(), rest, line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     reader.close()
     if not reader.mode:
         draft.note("no MO record tells the units: lengths are taken as metres, angles as degrees, minutes, seconds")
@@ -526,8 +518,8 @@ class _RW5Reader:
         elif kind == "BK":
             self.close()
             self.station = cells.get("OP") or self.station
-            self.backsight = (cells.get("BP", ""), self._angle(cells.get("BC") or "0"), line)
-            self.azimuth = self._angle(cells["BS"]) if cells.get("BS") else None
+            self.backsight = (cells.get("BP", ""), self.book.parsed(cells.get("BC") or "0"), line)
+            self.azimuth = self.book.parsed(cells["BS"]) if cells.get("BS") else None
         elif kind == "LS":
             height = self._length(cells, "HI")
             if height is not None and height != self.height:
@@ -595,9 +587,6 @@ class _RW5Reader:
         text = cells.get(key, "")
         return parse_number(text) * self.metres if text else default
 
-    def _angle(self, text: str) -> float:
-        return parse_number(text) if self.book.angle == "gon" else sexagesimal(text)
-
     def _sight(self, kind: str, cells: dict[str, str], line: int) -> None:
         target, station = cells.get("FP", ""), cells.get("OP") or self.station
         if not target or not station:
@@ -610,7 +599,7 @@ class _RW5Reader:
             self.begun = True
         slope, horizontal = (self._length(cells, key) or None for key in ("SD", "HD"))
         circle, zenith = self._circle(cells), self._zenith(cells)
-        if slope is None and cells.get("SD") and zenith == (100.0 if self.book.angle == "gon" else 90.0):
+        if slope is None and cells.get("SD") and zenith == self.book.full / 4:
             zenith = None  # a backsight that was not measured has the distance 0 and the zenith angle 90°
         if "CE" in cells:
             self.book.leave_out("differences of height (CE)", line)
@@ -622,7 +611,7 @@ class _RW5Reader:
 
     def _circle(self, cells: dict[str, str]) -> float | None:
         """Reading of the circle; angles to the left, deflections and azimuths are turned into it."""
-        full = 400.0 if self.book.angle == "gon" else 360.0
+        full = self.book.full
         start = self.backsight[1]
         turns = {
             "AR": (0.0, 1.0),
@@ -633,14 +622,14 @@ class _RW5Reader:
         }
         for key, (zero, sign) in turns.items():
             if cells.get(key):
-                return (zero + sign * self._angle(cells[key])) % full
+                return (zero + sign * self.book.parsed(cells[key])) % full
         return None
 
     def _zenith(self, cells: dict[str, str]) -> float | None:
         if cells.get("ZE"):
-            return self._angle(cells["ZE"])
+            return self.book.parsed(cells["ZE"])
         if cells.get("VA"):
-            return (100.0 if self.book.angle == "gon" else 90.0) - self._angle(cells["VA"])
+            return self.book.full / 4 - self.book.parsed(cells["VA"])
         return None
 
 
@@ -663,14 +652,9 @@ _LEFT_OUT = {
     "11": "reduced observations",
     "13": "notes",
 }
-_REDUCED = "observations reduced by the instrument (MC)"
-_SDR_GIVEN = ("KI", "CO")
-"""Origins of coordinates that were not computed from readings."""
-_SDR_UNITS = slice(40, 46)
-"""Columns of the digits of the units in the head."""
 _FROM_HORIZON = re.compile(r".{49}[13]2(?:[ -]|\d+\.|$)")
 """Record of an instrument whose vertical angles count from the horizon: 2 in column 51, where 1 is the zenith."""
-_METRES = {"1": 1.0, "2": 0.3048, "3": 1200.0 / 3937.0}
+_METRES = {"1": 1.0, "2": 0.3048, "3": LENGTH_UNITS["us-ft"]}
 
 
 def read_sdr(path: Path) -> Document:
@@ -683,10 +667,8 @@ def read_sdr(path: Path) -> Document:
         lines = []
     for line, text in lines:
         if text.strip():
-            try:
+            with draft.at(line):
                 reader.record(text, line)
-            except ValueError as error:
-                draft.problem(str(error), line)
     reader.book.finish(path.stem)
     return draft.finish()
 
@@ -701,25 +683,22 @@ def _read_sdl(lines: Sequence[tuple[int, str]], book: FieldBook) -> None:
     point, height = "", float("nan")
     rows = [(line, [cell.strip() for cell in text.split(",")]) for line, text in lines[1:]]
     for (line, cells), (_, after) in zip_longest(rows, rows[1:], fillvalue=(0, [])):
-        try:
+        with book.draft.at(line):
             if len(cells) < 8 or cells[4] not in ("1", "2"):
                 raise ValueError(f"found {','.join(cells)!r}, expected number, point, 0, 0, 1 or 2, and three numbers")
             distance, value, level = map(parse_number, cells[5:8])
-        except ValueError as error:
-            book.draft.problem(str(error), line)
-            continue
-        reading = StaffReading(cells[1], value, distance or None, line)
-        if cells[4] == "1" and level == height:
-            book.levelling.sight_back(reading._replace(point=point))
-        elif cells[4] == "1":
-            book.levelling.begin()
-            (book.computed_point if point else book.point)(cells[1], None, None, level, line)
-            book.levelling.sight_back(reading)
-        else:
-            book.leave_out(COMPUTED, line)
-            is_between = len(after) > 4 and after[4] == "2"
-            (book.levelling.sight_between if is_between else book.levelling.sight_forward)(reading)
-        point, height = cells[1], level
+            reading = StaffReading(cells[1], value, distance or None, line)
+            if cells[4] == "1" and level == height:
+                book.levelling.sight_back(reading._replace(point=point))
+            elif cells[4] == "1":
+                book.levelling.begin()
+                (book.computed_point if point else book.point)(cells[1], None, None, level, line)
+                book.levelling.sight_back(reading)
+            else:
+                book.leave_out(COMPUTED, line)
+                is_between = len(after) > 4 and after[4] == "2"
+                (book.levelling.sight_between if is_between else book.levelling.sight_forward)(reading)
+            point, height = cells[1], level
 
 
 class _SDRReader:
@@ -747,12 +726,12 @@ class _SDRReader:
             self.height = self._length(text[4 : 4 + self.number_width]) or 0.0
         elif kind == "08":
             name, *place = self._fields(text, 1, 3)
-            add = self.book.point if origin in _SDR_GIVEN else self.book.computed_point
+            add = self.book.point if origin in ("KI", "CO") else self.book.computed_point
             add(name, *self._place(place), line)
         elif kind in ("09", "13") and origin in ("F1", "F2"):
             self._sight(text, line)
         elif kind == "09":
-            self.book.leave_out(_REDUCED, line)
+            self.book.leave_out("observations reduced by the instrument (MC)", line)
         else:
             if kind == "01":
                 self.elevations = bool(_FROM_HORIZON.match(text))
@@ -776,7 +755,7 @@ class _SDRReader:
 
     def _head(self, text: str, line: int) -> None:
         """Name and version, date, and a digit each: angles, lengths, pressure, temperature, order of coordinates."""
-        digits = text[_SDR_UNITS].strip()
+        digits = text[40:46].strip()
         if not digits.isdecimal() or len(digits) < 5:
             digits = text.rstrip()[-6:]
         if not digits.isdecimal() or len(digits) < 5:
@@ -799,7 +778,7 @@ class _SDRReader:
     def _length(self, text: str) -> float | None:
         return parse_number(text.strip()) * self.metres if text.strip() else None
 
-    def _place(self, fields: list[str]) -> tuple[float | None, float | None, float | None]:
+    def _place(self, fields: list[str]) -> Place:
         first, second, up = (self._length(text) for text in fields[:3])
         return (first, second, up) if self.east_first else (second, first, up)
 
@@ -807,7 +786,7 @@ class _SDRReader:
         station, target, slope, vertical, horizontal = self._fields(text, 2, 3)
         zenith = parse_number(vertical) if vertical else None
         if zenith is not None and self.elevations:
-            full = 400.0 if self.book.angle == "gon" else 360.0
+            full = self.book.full
             zenith = (full / 4 - zenith) % full
         sight = Sight(
             target,
@@ -843,10 +822,8 @@ def read_fbk(path: Path) -> Document:
     draft = Draft(str(path))
     reader = _FbkReader(FieldBook(draft))
     for line, text in records(path, draft):
-        try:
+        with draft.at(line):
             reader.command([word.strip('"') for word in _WORDS.findall(text)], line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     reader.close()
     reader.book.finish(path.stem)
     return draft.finish()
@@ -897,7 +874,7 @@ class _FbkReader:
     def _units(self, rest: list[str]) -> None:
         for word in takewhile(lambda word: word[:1] != "!", rest):
             if word.startswith(("MET", "FOOT", "FEET", "USFOOT", "USFEET")):
-                self.metres = {"M": 1.0, "U": 1200.0 / 3937.0}.get(word[0], 0.3048)
+                self.metres = {"M": 1.0, "U": LENGTH_UNITS["us-ft"]}.get(word[0], 0.3048)
             elif word in ("DMS", "DEC", "DECDEG", "DECDMS", "GRAD", "GRADS"):
                 self.book.angle = "gon" if word.startswith("GRAD") else "deg"
                 self.decimal = word in ("DEC", "DECDEG", "GRAD", "GRADS")
@@ -915,7 +892,7 @@ class _FbkReader:
         point, *numbers = rest[spatial : 5 if spatial else 3]
         if len(numbers) < 2 + spatial:
             raise ValueError(f"found {len(numbers)} values in {name}, expected an angle and a distance")
-        full = 400.0 if self.book.angle == "gon" else 360.0
+        full = self.book.full
         circle, length = self._angle(numbers[0]), parse_number(numbers[1]) * self.metres
         start = self.backsight.horizontal if self.backsight is not None else 0.0
         circle = ((start or 0.0) - circle) % full if self.left else circle

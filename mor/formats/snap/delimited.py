@@ -220,7 +220,7 @@ def form_of(text: str) -> str:
     return form
 
 
-def angle_words(text: str, hemispheres: str = "") -> list[str]:
+def angle_words(text: str, hemispheres: str) -> list[str]:
     """Words of an angle; of a latitude or longitude, which may have a sign, with its hemisphere at the end."""
     match = re.fullmatch(r"([NSEW]?)(.*?)([NSEW]?)", text.strip(), re.IGNORECASE)
     assert match is not None

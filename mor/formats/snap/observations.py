@@ -347,7 +347,7 @@ class StationFile(NamedTuple):
         return east_north_up(latitude, longitude)
 
 
-def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> StationFile:
+def read_stations(path: Path, draft: Draft, form: Definition | None) -> StationFile:
     """Stations of a coordinate file, of a delimited one by its definition. Raises :class:`InputError`."""
     lines = [line for line in lines_of(path, draft) if line.words] if form is None else _divided(path, form, draft)
     if len(lines) < 2:
@@ -377,10 +377,8 @@ def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> S
         draft.note(f"coordinate system {code}: coordinates are taken as {frame}", lines[1].number, str(path))
     angles = "xyz" if geocentric else "deg" if "degrees" in options else "dms"
     for line in lines[2 + has_options :]:
-        try:
+        with draft.at(line.number, str(path)):
             _read(found, line, angles, classes)
-        except ValueError as error:
-            draft.problem(str(error), line.number, str(path))
     if not geoid:
         draft.note("there are no geoid heights: the geoid is taken as the ellipsoid", 1, str(path))
     return found
@@ -411,7 +409,7 @@ def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
     names = ("latitude", "longitude") if geographic else ("longitude", "latitude")
     lines = [Line([path.stem], 1), Line([code], 1), Line(options, 1)]
     for number, texts, own in found:
-        try:
+        with draft.at(number, str(path)):
             angles = form_of(texts.get("angle_format", ""))
             place = [texts.get(name, "") for name in names]
             if "" in (texts.get("code", ""), *place, texts.get("height", "")):
@@ -421,14 +419,10 @@ def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
                 place = [repr(angle(WordReader(angle_words(text, two)), angles, two)) for text, two in ends]
             row = [texts["code"], *place, texts["height"], *(texts.get(name) or "0" for name in optional)]
             lines.append(Line([*row, *(own.get(name, "-") for name in classes)], number))
-        except ValueError as error:
-            draft.problem(str(error), number, str(path))
     return lines
 
 
-def merge_stations(
-    stations: StationFile, path: Path, parts: set[str], draft: Draft, form: Definition | None = None
-) -> None:
+def merge_stations(stations: StationFile, path: Path, parts: set[str], draft: Draft, form: Definition | None) -> None:
     """Take ``coordinates``, ``classes``, ``existing_classes`` or new ``stations`` over from another file.
 
     Raises ``ValueError`` if its coordinates are of another system; :class:`InputError`.
@@ -706,10 +700,7 @@ def _values(key: str, value: str) -> list[str]:
     if key == "data_file":
         return [plain.rpartition("/")[2].upper()]
     values = plain.upper().split("/")
-    unknown = [one for one in values if _ALSO.get(one, one) not in KINDS] if key == "data_type" else []
-    if unknown:
-        raise ValueError(f"found the data type {unknown[0]!r}, expected one of {', '.join(KINDS)}")
-    return [_ALSO.get(one, one) for one in values] if key == "data_type" else values
+    return [_known_code(one) for one in values] if key == "data_type" else values
 
 
 class Recode(NamedTuple):
@@ -739,13 +730,11 @@ def recodes_of(path: Path) -> list[Recode]:
         code, new, since, until, *_ = [*(cell.strip().strip('"') for cell in text.split(",")), "", "", "", ""]
         if code.lower() == "codefrom" or not text.strip(" ,"):
             continue
-        try:
+        with draft.at(number, str(path)):
             period = Period(date_of(since) if since else None, date_of(until) if until else None)
             if not code or not new:
                 raise ValueError(f"found {text.strip()!r}, expected codefrom,codeto,datefrom,dateto")
             found.append(Recode(code.upper(), new, period))
-        except ValueError as error:
-            draft.problem(str(error), number, str(path))
     if draft.problems:
         raise InputError(draft.problems)
     return found
@@ -985,13 +974,23 @@ KINDS = {
     "GX": DataKind("gnss_position", "", point=True),
 }
 """By SNAP's letters."""
-_ALSO = {"GPS": "GB"}
 _SETS = ("HA", "DR")
 _SIGMA = 3
 """Where a row of them has its σ."""
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
 _CODES = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
+
+
+def _code(word: str) -> str:
+    """SNAP's letters of a data type; GPS are vectors."""
+    return "GB" if word.upper() == "GPS" else word.upper()
+
+
+def _known_code(word: str) -> str:
+    if _code(word) not in KINDS:
+        raise ValueError(f"found the data type {word!r}, expected one of {', '.join(KINDS)}")
+    return _code(word)
 
 
 class LineObservation(NamedTuple):
@@ -1128,12 +1127,12 @@ class Data:
         return float(np.linalg.norm([east, north, up])), float(np.hypot(east, north))
 
 
-def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None = None) -> None:
+def read_data(path: Path, data: Data, scale: float, recodes: Path | None) -> None:
     """Read one data file, with a factor of its σ and the file of its recodes. Mistakes are told in the draft."""
     data.begin(path, scale, recodes)
     for number, line in enumerate(lines_of(path, data.draft)):
         data.line = line.number
-        try:
+        with data.draft.at(line.number, str(path)):
             if number == 0:
                 continue  # the title
             if not line.words:
@@ -1149,22 +1148,17 @@ def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None =
                     _end_of_set(data)
             else:
                 _observations(data, WordReader(line.words))
-        except ValueError as error:
-            data.draft.problem(str(error), line.number, str(path))
     _end_of_set(data)
 
 
-def read_delimited(path: Path, data: Data, form: Definition, scale: float = 1.0, recodes: Path | None = None) -> None:
+def read_delimited(path: Path, data: Data, form: Definition, scale: float, recodes: Path | None) -> None:
     """Read one delimited data file by its definition, like :func:`read_data`."""
     data.begin(path, scale, recodes)
     last = ("", "", "")
     for record in records(path, form, form.observations, data.draft):
         data.line, values = record.line, record.values
         try:
-            code = values.get("type", "").upper()
-            code = _ALSO.get(code, code)
-            if code not in KINDS:
-                raise ValueError(f"found the data type {code!r}, expected one of {', '.join(KINDS)}")
+            code = _known_code(values.get("type", "").upper())
             own = (code, values.get("set_id", ""), values.get("instrument_station", ""))
             new, last = own != last or not own[1], own
             _delimited(data, code, record, scale, new)
@@ -1272,7 +1266,7 @@ def _command(data: Data, words: WordReader) -> None:
         data.date = date_of(words.rest())
     elif name == "classify":
         key = words.take("the name of a classification")
-        codes = [_ALSO.get(code, code) for code in key.upper().split("/")]
+        codes = [_code(one) for one in key.split("/")]
         if set(codes) <= set(KINDS):
             key = words.take("the name of a classification")
         else:
@@ -1290,7 +1284,7 @@ def _data(data: Data, words: WordReader) -> None:
     data.grouped, data.heights, data.header, data.prefix = False, True, None, []
     while words:
         word = words.take("a data type")
-        code = _ALSO.get(word.upper(), word.upper())
+        code = _code(word)
         if word.lower() in ("grouped", "no_heights"):
             data.grouped |= word.lower() == "grouped"
             data.heights &= word.lower() != "no_heights"

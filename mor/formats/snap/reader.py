@@ -140,17 +140,15 @@ def read_snap(path: Path) -> Document:
     commands = _pair(path, draft) if pair else _commands(path, draft)
     stations = read_stations(commands.stations, draft, commands.form)
     for file_path, parts, form, line, command_file in commands.added:
-        try:
+        with draft.at(line, command_file):
             merge_stations(stations, file_path, parts, draft, form)
-        except ValueError as error:
-            draft.problem(str(error), line, command_file)
     draft.put("title", commands.title or stations.title)
     draft.put("units", {"length": "m", "angle": "deg"})
     heights = "orthometric" if stations.orthometric and stations.geoid else "ellipsoidal"
     draft.put("world", {"crs": stations.crs, "heights": heights}, 1)
     data = Data(draft, stations)
     for command in commands.later:
-        try:
+        with draft.at(command.line, command.file):
             # Follow a command about stations or observations. Raises ``ValueError``.
             words, name = WordReader(command.words), command.name
             if name == "recode":
@@ -168,8 +166,6 @@ def read_snap(path: Path) -> Document:
                 data.excluded = data.excluded - codes if name == "accept" else data.excluded | codes
             else:
                 _fix(commands, data, command)
-        except ValueError as error:
-            draft.problem(str(error), command.line, command.file)
     for file in commands.data:
         if file.form is None:
             read_data(file.path, data, file.scale, file.recodes)
@@ -220,7 +216,7 @@ def _read_commands(
             continue
         words = WordReader(line.words)
         name = words.take("a command").lower()
-        try:
+        with draft.at(line.number, str(path)):
             if name == "include":
                 file = _file_of(words, path)
                 _read_commands(found, file, draft, ignored, [*above, path])
@@ -240,8 +236,6 @@ def _read_commands(
                 found.added.append((file, parts, form, line.number, str(path)))
             elif not _command(found, path, name, words, places, draft) and name not in _OUTPUT:
                 ignored.setdefault(name, (line.number, str(path)))
-        except ValueError as error:
-            draft.problem(str(error), line.number, str(path))
 
 
 def _file_of(words: WordReader, path: Path) -> Path:

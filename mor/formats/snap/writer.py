@@ -34,7 +34,7 @@ from mor.project.document import Document
 from mor.project.network import build_network
 from mor.project.reference_system import EarthModel, ReferenceSystem, reference_system
 from mor.project.schema import Instrument, Value
-from mor.types import FloatArray
+from mor.types import FloatArray, pieces
 from mor.units import ANGLE_UNITS, Quantity
 
 # ---- Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
@@ -42,8 +42,6 @@ from mor.units import ANGLE_UNITS, Quantity
 VECTORS = ("gnss_vector", "gnss_position")
 _CODES = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
 TYPES = tuple(dict.fromkeys(kind.type for kind in KINDS.values()))
-_A_LINE = 6
-"""Covariances on a line."""
 NO_REFRACTION = "NONE"
 
 
@@ -235,15 +233,14 @@ def _set(
 def _lower(Q: FloatArray) -> Iterator[str]:
     for i in range(len(Q)):
         row = [repr(float(value)) for value in Q[i, : i + 1]]
-        for first in range(0, len(row), _A_LINE):
-            yield " ".join(row[first : first + _A_LINE])
+        for piece in pieces(len(row), 6):
+            yield " ".join(row[piece])
 
 
 # ---- A network on the earth as SNAP's command file, coordinate file and data file.
 
 _LONGEST = 15
 """Letters of a station's code (help of SNAP, *Station codes*)."""
-_SNAP_WRITER_A_LINE = 10
 _DEGREES, _METRES = (12, 3e-14), (9, 1e-9)
 """Decimals of coordinates, and what the way through the network takes of them."""
 
@@ -373,7 +370,7 @@ def _commands(content: Content, points: EarthPoints, stem: str) -> list[str]:
     held = [name for name, three in zip(points.ids, points.held.tolist(), strict=True) if all(three)]
     lines = [f"coordinate_file {stem}.crd", f"data_file {stem}.dat"]
     lines.append(f"mode 3d {'adjustment' if held else 'free_net'}")
-    lines += [f"fix {' '.join(held[k : k + _SNAP_WRITER_A_LINE])}" for k in range(0, len(held), _SNAP_WRITER_A_LINE)]
+    lines += [f"fix {' '.join(held[piece])}" for piece in pieces(len(held), 10)]
     used = {entry.instrument for entry in content.project.observations if entry.type == "zenith_angle"}
     for name in sorted(used, key=str):
         instrument = content.project.instruments.get(name) if name else None
