@@ -312,7 +312,9 @@ def median_distance(adjustment: Adjustment) -> float:
     sights = [
         lengths_of_sights(group, adjustment.values) for group in adjustment.problem.groups if group.type.distances
     ]
-    return max(usual, 0.5 * float(np.median(np.concatenate(sights)))) if sights else usual
+    lengths = np.concatenate([np.zeros(0), *sights])
+    lengths = lengths[np.isfinite(lengths)]  # points that are left out may have no coordinates
+    return max(usual, 0.5 * float(np.median(lengths))) if len(lengths) else usual
 
 
 def _least_sigma_of_lengths(adjustment: Adjustment) -> float:
