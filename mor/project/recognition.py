@@ -515,7 +515,7 @@ def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) 
     parts = _parts(tidy, path)
     return [
         table._replace(
-            tidied=table.tidied or is_encoded or cells.has_joined_units,
+            tidied=table.tidied or is_encoded or cells.was_joined,
             notes=(*encoded, *notes, *table.notes),
             is_control=table.is_control or _is_control(table, block.title),
             part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
@@ -1761,7 +1761,7 @@ class _File(NamedTuple):
     above: tuple[str, ...]
     """Cells of a comment that may be the header."""
     encoding: str
-    has_joined_units: bool = False
+    was_joined: bool = False
 
 
 def _cells(path: Path, sheet: str | None) -> _File:
@@ -1780,6 +1780,10 @@ def _cells(path: Path, sheet: str | None) -> _File:
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
     first = lines[0] if lines else ""
+    has_bars = first.count("|") > 1 and ";" not in text
+    if has_bars:
+        lines = [line.strip().removeprefix("|").removesuffix("|").replace("|", ";") for line in lines]
+        first = lines[0]
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
     delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
@@ -1792,7 +1796,7 @@ def _cells(path: Path, sheet: str | None) -> _File:
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
     above = next((head for head in reversed(heads) if found and len(head) == len(found[0][1])), ())
-    joined = delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines)
+    joined = has_bars or (delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines))
     return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding, joined)
 
 
@@ -2274,7 +2278,8 @@ def _units_of_precision(table: Found) -> dict[str, str]:
     Those of lengths above a decimetre are millimetres, those of angles above a tenth of a degree or gon seconds of arc.
     """
     is_angle = table.kind in ("directions", "angle", "bearing", "zenith_angle", "zenith_directions")
-    if table.kind not in (*_LINES, "height_difference", "vector") and not is_angle:
+    is_list_of_heights = table.kind == "points" and "x" not in table.columns
+    if table.kind not in (*_LINES, "height_difference", "vector") and not (is_angle or is_list_of_heights):
         return {}
     variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
     stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]

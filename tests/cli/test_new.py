@@ -130,6 +130,7 @@ def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
         ("Occupied,Backsight,Foresight,Horizontal Angle,Distance", "angle"),
         ("from,to,height_diff,distance_km", "height_difference"),
         ("PktNr;E-Koord;N-Koord;H-Koord", "points"),
+        ("from_pillar,to_pillar,slope_distance", "distance"),
         ("from,to,dh,distance", "height_difference"),
         ("from,to,dh,slope distance", "distance"),
         ("Station,BS,Foresight,Hz", "directions"),
@@ -1473,6 +1474,25 @@ def test_points_of_two_images_without_headers(tmp_path: Path) -> None:
     outcome = mor("new", tmp_path / "p.yaml", tmp_path / "left.txt", tmp_path / "right.txt")
     assert outcome.code == 2
     assert "right.txt: a list without a header is read as points" in outcome.err
+
+
+def test_bars_between_columns(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("|BS|INT|FS|PT ID|\n|-----|-----|-----|-----|\n|1.5|||1|\n||1.4||2|\n|||1.3|3|\n")
+    (found,) = recognise(tmp_path / "t.txt")
+    assert sorted(row[:3] for row in found.rows) == [("1", "2", "0.1"), ("1", "3", "0.2")]
+
+
+def test_sigmas_of_heights_in_millimetres(tmp_path: Path) -> None:
+    """Height of C from A, 10 m, and B, 11 m, both with 1 mm, by two lines with 0.7 mm."""
+    (tmp_path / "points.csv").write_text("punkt;kote;σ\nA;10.000;1\nB;11.000;1\n")
+    (tmp_path / "lines.csv").write_text("fra;til;dH;σ\nA;C;2.001;0.7\nB;C;1.003;0.7\n")
+    project = tmp_path / "p.yaml"
+    assert mor("new", project, tmp_path / "points.csv", tmp_path / "lines.csv").code == 0
+    assert project.read_text().count("units: {sigma: mm}  # CHECK") == 2
+    assert mor("adjust", project, "--no-html").code == 0
+    heights = pl.read_csv(tmp_path / "p.results" / "points.csv").sort("id")
+    assert heights["z"][2] == pytest.approx(12.002, abs=1e-6)
+    assert heights["z"][0] == pytest.approx(10 + 0.002 / 2.98, abs=1e-6)  # variances 1, 0.49, 0.49, 1 share 2 mm
 
 
 def test_rows_above_a_header_are_counted(tmp_path: Path) -> None:
