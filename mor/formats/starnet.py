@@ -999,8 +999,12 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     for what, lines in sorted(network.skipped.items(), key=lambda one: -len(one[1])):
         draft.note(f"not read: {what} ({counted(len(lines), 'line')})", *lines[0])
     if network.defaults and not network.known:
-        words = f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm"
-        draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")
+        words = (
+            f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm for "
+            "distances, 15 mm for height differences, 2 mm √km for levelling; the project options of STAR*NET stand "
+            "in another file"
+        )
+        draft.note(words)
 
 
 def _hold_heights(network: StarNetContext) -> None:
