@@ -490,7 +490,7 @@ class Reliability(NamedTuple):
             q = one.q_weighted
             values = of_tested(one, np.where(q > CONTROLLED * one.precision, q, np.nan))
             if one.out.any():
-                spread = np.sqrt((one.sigma[one.out] / OUT) ** 2 + one.q_adjusted[one.out])
+                spread = np.sqrt((one.sigma[one.out] / OUT) ** 2 + np.maximum(one.q_adjusted[one.out], 0.0))
                 values[one.out] = of_excluded(one.v[one.out], spread)
             return values
 
