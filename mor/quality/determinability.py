@@ -35,6 +35,9 @@ from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Parts of a network that no observation connects: each would need a datum of its own.
 
+_NAMED = ("image", "station", "system", "point")
+"""Things that name a part, in this order."""
+
 
 @dataclass(frozen=True)
 class NetworkPart:
@@ -98,7 +101,7 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
-    for space in ("image", "station", "system", "point"):
+    for space in _NAMED:
         things = network.things[space]
         for name, position in zip(things.ids, things.parts["position"], strict=True):
             if absent[position]:
