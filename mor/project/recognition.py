@@ -1771,16 +1771,15 @@ def _cells(path: Path, sheet: str | None) -> _File:
     text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
-    ruled = re.compile(r"(?:[-=_]{2,}|[\s;,|+])+")  # a line below a header, drawn with signs
     numbered = [
         (k, ln)
         for k, ln in enumerate(text.split("\n"), start=1)
-        if ln.strip() and not ln.startswith(("#", "%")) and not ruled.fullmatch(ln)
+        if ln.strip() and not ln.startswith(("#", "%")) and not _is_ruler(ln)
     ]
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
     first = lines[0] if lines else ""
-    has_bars = first.count("|") > 1 and ";" not in text
+    has_bars = 2 * sum(line.count("|") > 1 for line in lines) > len(lines) and ";" not in text
     if has_bars:
         lines = [line.strip().removeprefix("|").removesuffix("|").replace("|", ";") for line in lines]
         first = lines[0]
@@ -1798,6 +1797,11 @@ def _cells(path: Path, sheet: str | None) -> _File:
     above = next((head for head in reversed(heads) if found and len(head) == len(found[0][1])), ())
     joined = has_bars or (delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines))
     return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding, joined)
+
+
+def _is_ruler(line: str) -> bool:
+    """Return whether a line is drawn below a header, with signs alone."""
+    return not line.strip(" \t\r;,|+-=_") and any(2 * sign in line for sign in "-=_")
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:

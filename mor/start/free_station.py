@@ -186,7 +186,7 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
 
 
 def _oriented_seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tuple[FloatArray, float]]:
-    """Where bearings meet, by linear equations across them, and arcs."""
+    """Return seeds where bearings meet, by linear equations across them, and where arcs meet."""
     sighted, measured = has.T
     seeds = [(position, 0.0) for position in _arc_section(points[measured], observed[measured, 1])]
     if _places(points[sighted]) > 1:

@@ -1465,6 +1465,8 @@ def test_a_header_may_be_underlined(tmp_path: Path, header: str) -> None:
     (found,) = recognise(tmp_path / "t.txt")
     assert found.kind == "vector"
     assert found.rows == (("A", "B", "10.01", "20.02", "1.01"),)
+    (tmp_path / "t.txt").write_text(f"{header}\nA B 10.01 20.02 1.01\n{'-' * 200}x 0 0 0 0\n")
+    assert len(recognise(tmp_path / "t.txt")[0].rows) == 2, "signs with a letter are a name, at once"
 
 
 def test_points_of_two_images_without_headers(tmp_path: Path) -> None:
