@@ -56,7 +56,7 @@ class HeightRows(NamedTuple):
 
     @property
     def line(self) -> str:
-        """What to write in the project."""
+        """Line to write in the project."""
         names = ", from ".join(self.things)
         is_instrument = self.cause == "instrument height"
         return f"stations, {names}: height" if is_instrument else f"observations, to {names}: to_height"

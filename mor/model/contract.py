@@ -286,7 +286,7 @@ class ObservationGroup:
         return {of.name: names[row] for of, names in zip(self.type.references, self.references, strict=True)}
 
     def said_names(self, row: int) -> str:
-        """What a row refers to, for a message: ``image 12, point A``."""
+        """Return the names that a row refers to, for a message: ``image 12, point A``."""
         return ", ".join(f"{key} {name}" for key, name in self.names_of(row).items())
 
     def message(self, row: int, words: str) -> Message:

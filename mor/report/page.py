@@ -328,7 +328,7 @@ def determination(data: PageData) -> Statement:
 
 
 def headline(data: PageData) -> Statement:
-    """Whether the adjustment is accepted: a state and a title."""
+    """State and title: is the adjustment accepted?"""
     view, say = data.view, data.words
     test, loose = view.summary["global_test"], view.summary.get("uncontrolled") or 0
     open_ = ill_determined(view.verdict, view.length, say)

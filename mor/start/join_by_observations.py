@@ -604,7 +604,7 @@ def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Simi
 
 
 def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray:
-    """As common points tell, or as distances do, or anything."""
+    """Return scales that common points tell, or else distances, or else any scales."""
     known = np.isfinite(search.goal).all(axis=1)
     size = extent(search.goal[known])
     if size:

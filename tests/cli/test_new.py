@@ -919,7 +919,7 @@ def test_units_in_brackets_between_blanks_belong_to_the_name_before(tmp_path: Pa
 def test_rows_shorter_than_a_header_between_blanks_are_refused(
     tmp_path: Path, header: str, row: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Which column is empty is not known: to take the last one would move coordinates into other columns."""
+    """Nothing tells which column is empty. Without a refusal coordinates would move into other columns."""
     (tmp_path / "s.txt").write_text(f"{header}\n{row}\n{row.replace('A', 'B')}\n")
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "s.txt")]) == 2
     assert "names and no row more than" in capsys.readouterr().err

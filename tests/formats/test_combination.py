@@ -171,7 +171,7 @@ def test_axes_and_cameras_of_the_same_name_are_refused() -> None:
 
 
 def test_files_of_one_project_may_share_cameras_and_images() -> None:
-    """Of an image in both files the entry that says more stays; images that no reading names are left out."""
+    """The fuller entry of an image in both files stays. Images that no reading names are left out."""
     camera = {"1": {"model": "mor"}, "2": {"model": "mor"}}
     units = {"length": "m", "angle": "rad"}
     rows = [["i", "1", "5"], ["j", "1", "6"], ["k", "2", "7"]]

@@ -35,7 +35,7 @@ globalThis.document = {
 
 
 def switched(page: str, switches: list[tuple[int, bool]]):
-    """What the script says after these switches: which it took, r of all rows, covariances, the verdicts."""
+    """Return what the script says after these switches: those taken, r of all rows, covariances, verdicts."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("no node")

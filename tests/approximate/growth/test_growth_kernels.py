@@ -88,7 +88,7 @@ def test_targets_at_several_heights_over_a_point_tell_one_place(scenes, form):
 
 @pytest.mark.parametrize("form", [meet, meet_plainly])
 def test_one_wrong_ray_does_not_draw_a_point_away_from_the_others(scenes, form):
-    """Of four or more rays; the mean of all of them lies where none agrees."""
+    """Points of four rays or more: the mean of all rays lies where none agrees."""
     for seed in range(10):
         made = scenes.scene(seed, n=20, images=4)
         seen = sightings(frames_of(made, wrong=5), 20)

@@ -1,4 +1,4 @@
-"""Of several measurements those are taken that agree: one wrong identity does not draw away what follows from all."""
+"""Measurements that agree are taken: one wrong identity does not draw a result away."""
 
 import numpy as np
 import pytest

@@ -49,7 +49,7 @@ def everything_said() -> set[str]:
 
 
 def visible(text: str) -> str:
-    """What a reader sees of a page without its scripts."""
+    """Return the text of a page without its scripts."""
     return html.unescape(SILENT.sub(" ", text))
 
 

@@ -1,4 +1,4 @@
-"""What is not determined at values that do not fit is told with that doubt."""
+"""Reports doubt what is not determined if the values do not fit the observations."""
 
 from __future__ import annotations
 
