@@ -39,7 +39,7 @@ def main() -> None:
         sys.meta_path.insert(0, _WhenUsed)
         from mor.cli import run
 
-        code = run()
+        code = run(signals=_CAME)
         for number in heeded:
             signal.signal(number, signal.SIG_DFL)  # all is done
     except KeyboardInterrupt as interruption:

@@ -95,8 +95,11 @@ def group() -> None:
     """
 
 
-def run(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code instead of leaving the process."""
+def run(arguments: Sequence[str] | None = None, signals: Sequence[int] = ()) -> int:
+    """Run the command line; returns the exit code instead of leaving the process.
+
+    ``signals`` are those that have interrupted it so far: libraries put an error of their own around an interruption.
+    """
     given = list(arguments) if arguments is not None else sys.argv[1:]
     language = language_of(given)
     try:
@@ -108,8 +111,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         show(error, language)
         return ExitCode.INPUT
     except (KeyboardInterrupt, click.Abort) as error:
-        tell("interrupted; no file was left incomplete", language)
-        return _code_of_signal(error)
+        return _interrupted(_code_of_signal(error), language)
     except MorError as error:
         _tell(error, language)
         return error.exit_code
@@ -125,7 +127,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         tell(f"not enough memory{what}; nothing was written. {OUT_OF_MEMORY}", language)
         return ExitCode.MEMORY
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
-        return _internal(error, language)
+        return _interrupted(128 + signals[-1], language) if signals else _internal(error, language)
     return int(result) if isinstance(result, int) else ExitCode.DONE
 
 
@@ -151,6 +153,11 @@ def _said(error: MorError, language: str) -> str:
     if isinstance(error, InputError):
         return "\n".join(told_problem(one, language) for one in error.problems)
     return told(str(error), language)
+
+
+def _interrupted(code: int, language: str) -> int:
+    tell("interrupted; no file was left incomplete", language)
+    return code
 
 
 def _code_of_signal(error: BaseException) -> int:

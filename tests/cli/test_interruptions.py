@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from mor import __main__ as process
+from mor.cli import run
 from tests.scenarios.small_projects import LEVELLING, mor, write
 from tools.interruptions import SIGNALS, Scene, prepared, trial
 
@@ -74,6 +75,21 @@ def test_a_run_that_is_asked_to_end_tidies_up(tmp_path, monkeypatch: pytest.Monk
     assert run.code == 143
     assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"
     assert list(tmp_path.iterdir()) == [project]
+
+
+def test_an_error_that_a_library_makes_of_an_interruption_is_one(
+    tmp_path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Compiled libraries put an error of their own around it, as pydantic does while it builds a validator."""
+
+    def wrapped(*_: object) -> str:
+        came.append(signal.SIGINT)
+        raise ValueError("KeyboardInterrupt: 2")
+
+    came: list[int] = []
+    monkeypatch.setattr("mor.report.results.text_report", wrapped)
+    assert run(["adjust", str(write(tmp_path, LEVELLING))], signals=came) == 130
+    assert capsys.readouterr().err.splitlines()[-1] == "interrupted; no file was left incomplete"
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer of the system")
