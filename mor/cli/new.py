@@ -45,6 +45,13 @@ if TYPE_CHECKING:
     type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-5", "iso17123-8", "vdi2634-1"]),
     help="Begin the test of an instrument (ISO 17123, VDI/VDE 2634) instead.",
 )
+@click.option(
+    "--columns",
+    metavar="TABLE NAMES",
+    type=(InputPath(), str),
+    multiple=True,
+    help="Names of the columns of a table without a header, or in place of it: a,b,c; - for one not used.",
+)
 @force_option
 def command(
     project: Path,
@@ -58,6 +65,7 @@ def command(
     pixel: str,
     datum: str,
     protocol: str | None,
+    columns: tuple[tuple[Path, str], ...],
     force: bool,
 ) -> None:
     """Create PROJECT, a commented project file, from TABLES (CSV, spreadsheets) or from photographs.
@@ -68,6 +76,7 @@ def command(
       mor new project.yaml image_points.csv control.csv -c 28 --size 6000 4000 --pixel "0.006 mm"
       mor new net.yaml directions.csv distances.csv points.csv --angle gon
       mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
+      mor new line.yaml distances.csv heights.csv --columns distances.csv from,to,distance
       mor new wall.yaml photos/*.jpg
       mor new line.yaml --protocol iso17123-4
 
@@ -101,7 +110,10 @@ def command(
     if tables and all(path.suffix.lower() in SUFFIXES for path in tables):
         _begin_from_photographs(project, tables, force)
         return
-    found = told_apart(levelled([part for table in tables for part in _recognised(table)]))
+    named = {path: tuple(name.strip() for name in names.split(",")) for path, names in columns}
+    if strange := [path for path in named if path not in tables]:
+        raise InputError([Message("this is none of the tables that are given", f"--columns {strange[0]}")])
+    found = told_apart(levelled([part for table in tables for part in _recognised(table, named.get(table, ()))]))
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")
@@ -128,12 +140,12 @@ def command(
     tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
 
 
-def _recognised(table: Path) -> list[Found]:
+def _recognised(table: Path, names: tuple[str, ...]) -> list[Found]:
     from mor.formats import FORMATS, format_of
     from mor.project.recognition import read_tables
 
     try:
-        return read_tables(table)
+        return read_tables(table, names)
     except InputError:
         key = format_of(table)
         if key is None:

@@ -437,19 +437,19 @@ class Found(NamedTuple):
         return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
 
 
-def read_tables(path: Path) -> list[Found]:
+def read_tables(path: Path, names: Sequence[str] = ()) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
-    Of several sheets in a spreadsheet those are returned that hold something known. Raises :class:`InputError` if the
-    columns are those of no kind.
+    Of several sheets in a spreadsheet those are returned that hold something known. ``names`` of columns, ``-`` for one
+    that is not used, take the place of a header. Raises :class:`InputError` if the columns are those of no kind.
     """
     sheets = [name for name, rows in read_sheets(path).items() if rows] if is_spreadsheet(path) else []
     if len(sheets) < 2:
-        return _recognise(path, None)
+        return _recognise(path, None, names)
     found, mistakes = list[Found](), list[Message]()
     for name in sheets:
         try:
-            found += [table._replace(sheet=name) for table in _recognise(path, name)]
+            found += [table._replace(sheet=name) for table in _recognise(path, name, names)]
         except InputError as error:
             mistakes += [Message(f"sheet {name}: {mistake.message}", str(path)) for mistake in error.problems]
     if not found:
@@ -478,8 +478,10 @@ def _with_sheets_apart(tables: list[Found]) -> list[Found]:
     return apart
 
 
-def _recognise(path: Path, sheet: str | None) -> list[Found]:
-    cells = _cells(path, sheet)
+def _recognise(path: Path, sheet: str | None, names: Sequence[str]) -> list[Found]:
+    cells = _cells(path, sheet, len(names))
+    if names:
+        cells = _with_header(path, cells, names)
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
     named = tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank)
@@ -491,6 +493,21 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
         again = copies.count(table.part)
         tables.append(table._replace(part=f"{table.part}_{again}") if table.part and again > 1 else table)
     return tables
+
+
+def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
+    """The rows below a header of these names, which takes the place of rows without numbers above them."""
+    numbers = [any(_NUMBER.fullmatch(cell.strip()) for cell in row) for row in cells.rows]
+    start = numbers.index(True) if True in numbers else len(numbers)
+    body = cells.rows[start:]
+    width = max(map(len, body), default=0)
+    if len(names) > width:
+        words = f"found {width} columns, expected {len(names)} as --columns names them ({', '.join(names)})"
+        raise InputError([Message(words, str(path), cells.lines[start] if body else 0)])
+    unused = (f"column{k}" for k in range(1, width + 1))
+    header = tuple(own if own not in ("", "-") else other for own, other in zip_longest(names, unused, fillvalue=""))
+    lines = (cells.lines[max(start - 1, 0)], *cells.lines[start:])
+    return cells._replace(rows=(header, *body), lines=lines, was_joined=True)
 
 
 class _Block(NamedTuple):
@@ -540,13 +557,13 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
         header = above
     elif not has_header:
         words = (
-            "the lines are two names and numbers, like observations of JAG3D; expected a header with the names of "
-            "the columns in the first line, as from, to, distance"
+            "expected a header with the names of the columns in the first line, or --columns TABLE NAMES; only a list "
+            "of points (name, x, y, z) may be without"
         )
-        if not has_two_names(rows):
+        if has_two_names(rows):
             words = (
-                "expected a header with the names of the columns in the first line; only a list of points "
-                "(name, x, y, z) may be without"
+                "the lines are two names and numbers, like observations of JAG3D; expected a header with the names of "
+                f"the columns in the first line, or --columns {path.name} from,to,distance"
             )
         if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
             raise InputError([Message(words, str(path), line)])
@@ -572,7 +589,10 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
         line = lines[max(0, len(lines) - len(rows)) + likely]
         words = f"unknown kind of table: found the columns {columns}; {_known()}"
         if max(known) < 2 or any(len(rows[likely]) > len(row) for row in rows[likely + 1 : likely + 2]):
-            words = f"no line has the names of the columns of a known table: write them above the values; {_known()}"
+            words = (
+                "no line has the names of the columns of a known table: write them above the values, or give them by "
+                f"--columns TABLE NAMES; {_known()}"
+            )
         raise InputError([Message(words, str(path), line)])
     body, nameless = rows[has_header:], 0
     if target := next((columns["to"] for kind, columns in kinds.items() if kind in _SIGMA and "to" in columns), ""):
@@ -1764,7 +1784,8 @@ class _File(NamedTuple):
     was_joined: bool = False
 
 
-def _cells(path: Path, sheet: str | None) -> _File:
+def _cells(path: Path, sheet: str | None, width: int) -> _File:
+    """Rows of a file; ``width``: columns that it is said to have, or 0."""
     if is_spreadsheet(path):
         numbers, cells = sheet_rows(path, sheet)
         return _File(",", tuple(map(tuple, cells)), tuple(numbers), (), "")
@@ -1785,7 +1806,13 @@ def _cells(path: Path, sheet: str | None) -> _File:
         first = lines[0]
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
-    delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
+    if width:
+        delimiter = next(
+            (sign for sign in ";\t ," if any(len(row) == width for row in _rows(lines[-1:], sign))), likely
+        )
+    else:
+        fitting = (sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign))))
+        delimiter = next(fitting, likely)
     reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:
         found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if row]

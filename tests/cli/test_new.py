@@ -650,6 +650,43 @@ def test_tables_nobody_knows(tmp_path: Path, content: str, words: str, capsys: p
     assert not (tmp_path / "p.yaml").exists()
 
 
+@pytest.mark.parametrize(
+    ("content", "names", "kind", "written"),
+    [
+        ("A,B,10.02\nB,C,13.20\n", "from,to,distance", "distance", "from,to,distance\nA,B,10.02\nB,C,13.20\n"),
+        ("Otsikko\nA,B,7,13.20\n", "from,to,-,dist", "distance", "from,to,column3,dist\nA,B,7,13.20\n"),
+        ("mista;mihin;ero\nA;B;13,2\n", "from,to,dz", "height_difference", "from;to;dz\nA;B;13,2\n"),
+        ("A B 13,2 0,5\n", "from,to,dz,length", "height_difference", 'from,to,dz,length\nA,B,"13,2","0,5"\n'),
+    ],
+)
+def test_columns_may_be_named(
+    tmp_path: Path, content: str, names: str, kind: str, written: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, project = tmp_path / "t.csv", tmp_path / "p.yaml"
+    table.write_text(content)
+    assert run(["new", str(project), str(table), "--columns", str(table), names]) == 0
+    assert f"t.csv: {kind}," in capsys.readouterr().err
+    assert (tmp_path / "p_t.csv").read_text() == written
+
+
+@pytest.mark.parametrize(
+    ("table", "names", "words"),
+    [
+        ("t.csv", "from,to,distance,sigma", "t.csv:2: found 3 columns, expected 4 as --columns names them"),
+        ("t.csv", "a,b,c", "no line has the names of the columns of a known table"),
+        ("u.csv", "from,to,distance", "u.csv: this is none of the tables"),
+    ],
+)
+def test_columns_named_wrongly(
+    tmp_path: Path, table: str, names: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("t.csv", "u.csv"):
+        (tmp_path / name).write_text("\nA,B,10.02\n")
+    given = ["--columns", str(tmp_path / table), names]
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv"), *given]) == 2
+    assert words in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_a_list_whose_names_are_images_has_projection_centres(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
