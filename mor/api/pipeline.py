@@ -31,6 +31,7 @@ from mor.quality.determinability import (
     Means,
     adjust_determinable,
     completed,
+    fits,
     with_fitting_reason,
     with_nearer_datum,
     without_hanging,
@@ -362,6 +363,9 @@ def _problem_at(network: Network, values: Mapping[str, FloatArray]) -> Problem:
 def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
     """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
     plain = _plainly(network, start, watch)
+    weak = _too_weak(plain, levels(network.project.settings))
+    if weak is not None and weak.defect.is_of_cameras:
+        return Attempt(weak)
     if len(plain.gone):
         return Attempt(plain)
     settings = SolverSettings(network.project.settings.max_iterations)
@@ -394,8 +398,10 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     settings = network.project.settings
     if not adjustment.outcome.is_solution:
         known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
-        ended = adjustment if known else with_fitting_reason(adjustment, bool(network.untied))
-        return Solved(network, ended, None)
+        if not known:
+            adjustment = with_fitting_reason(adjustment, bool(network.untied))
+            adjustment = _too_weak(adjustment, levels(settings)) or adjustment
+        return Solved(network, adjustment, None)
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
@@ -427,6 +433,18 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
     quality = replace(quality, adjustment=last)
     return Solved(network, last, quality, treatment, suspects, possible, tested)
+
+
+def _too_weak(adjustment: Adjustment, levels: Levels) -> Adjustment | None:
+    """An adjustment that found no minimum where it fits the observations, if that is as its σ are beyond any use."""
+    if adjustment.outcome not in (Outcome.NOT_CONVERGED, Outcome.DIVERGED) or not fits(adjustment):
+        return None
+    here = adjust(adjustment.problem, adjustment.values, SolverSettings(max_iterations=0))
+    if here.outcome is Outcome.NOT_CONVERGED:
+        here = checked(assess(here, levels, aposteriori=False))
+    if here.outcome is not Outcome.SINGULAR:
+        return None
+    return here._replace(start=adjustment.start, iterations=adjustment.iterations)
 
 
 def _possible_causes(

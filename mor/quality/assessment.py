@@ -13,7 +13,7 @@ from mor.model import rotations
 from mor.model.contract import lengths_of_sights
 from mor.model.coordinates import can_be_at_infinity, target_slot
 from mor.model.images import is_image_point
-from mor.model.parameters import move
+from mor.model.parameters import KINDS, move
 from mor.project.rows import rows_of_points
 from mor.quality.precision import (
     FollowerCofactors,
@@ -179,7 +179,7 @@ BEYOND_USE = "the standard deviations of unknowns are too large to be useful"
 """Reasons of outcomes."""
 _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
-_LENGTHS = ("point", "base")
+_LENGTHS, _CONSTANTS = ("point", "base"), ("c", "f", "fx", "fy")
 
 
 def checked(quality: Quality) -> Adjustment:
@@ -202,19 +202,23 @@ def is_complete(redundancy_sum: float, redundancy: int) -> bool:
 def beyond_use(quality: Quality) -> list[Undetermined]:
     """Blocks with unknowns whose σ is larger than the scale they live on; at most 1000, those first that are worst.
 
-    σ are those of :func:`sigma_of_geometry`.
+    Cameras come before what their constants move. σ are those of :func:`sigma_of_geometry`.
     """
     problem, found, factor = quality.adjustment.problem, [], sigma_of_geometry(quality)
     size = _BEYOND_MEDIAN * median_distance(quality.adjustment)
     for kind, columns in problem.index.columns.items():
         limit = size if kind in _LENGTHS else NOTHING_KNOWN if kind == "rotation" else np.inf
-        if not np.isfinite(limit) or limit <= 0.0:
+        limits = np.full(columns.shape, limit)
+        if kind.startswith("interior/"):  # a camera constant counts as determined if it is 3 σ away from 0
+            of_constants = np.isin(KINDS[kind].names, _CONSTANTS)
+            limits = np.where(of_constants, np.abs(quality.adjustment.values[kind]) / 3.0, np.inf)
+        elif not np.isfinite(limit) or limit <= 0.0:
             continue
+        elif kind == "point":  # a far one counts as determined if it is 3 σ away from the rest
+            limits = np.maximum(limits, _distances(quality.adjustment)[:, None] / 3.0)
         variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
         sigma = factor * np.sqrt(np.maximum(variance, 0.0))
-        # A far point counts as determined if it is 3 σ away from the rest.
-        away = _distances(quality.adjustment) / 3.0 if kind == "point" else np.zeros(len(columns))
-        beyond = (columns >= 0) & ~(sigma <= np.maximum(limit, away)[:, None])
+        beyond = (columns >= 0) & ~(sigma <= limits)
         beyond &= ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
             components = np.flatnonzero(beyond[block])
@@ -224,8 +228,9 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
                 continue
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
             amounts = sigma[block, components]
-            found.append((float(np.nan_to_num(amounts / limit, nan=np.inf).max()), labels, amounts))
-    found.sort(key=lambda one: -one[0])
+            ratio = float(np.nan_to_num(amounts / limits[block, components], nan=np.inf).max())
+            found.append(((kind in _LENGTHS or kind == "rotation", -ratio), labels, amounts))
+    found.sort(key=lambda one: one[0])
     return [
         Undetermined(labels, tuple(float(x) for x in amounts / amounts.max())) for _, labels, amounts in found[:1000]
     ]

@@ -727,7 +727,7 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
         network = _without_misplaced(network, start)
     found = nearly_parallel(network, start)
     first = _with_far_points(network, start, start, found, means)
-    if found.from_one_place().all() or first[1].is_complete:
+    if found.from_one_place().all() or first[1].is_complete or first[1].adjustment.defect.is_of_cameras:
         return first
     others = without_points(network, found.points, NARROW_ANGLE)
     if not any(group.count for group in others.groups):
@@ -834,7 +834,7 @@ def _with_far_points(
             rounds += 1
             continue
         if not adjustment.outcome.is_solution:
-            if not given[beyond.points].any():
+            if not given[beyond.points].any() or adjustment.defect.is_of_cameras:
                 break
             far, given[beyond.points] = beyond, False  # it may be their coordinates that lead nowhere
             continue

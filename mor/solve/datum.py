@@ -183,6 +183,11 @@ class Defect:
         """Unknowns less the rank of the normal matrix, apart from what is not determined inside the network."""
         return int(self.datum.shape[1]) + self.to_second_order
 
+    @property
+    def is_of_cameras(self) -> bool:
+        """Whether camera constants are beyond use, and with them all else that is: no other start values help."""
+        return any(kind.startswith("interior/") for one in self.beyond_use[:1] for kind, _, _ in one.unknowns)
+
     @cached_property
     def undetermined(self) -> tuple[Undetermined, ...]:
         """Return the undetermined directions inside the network, each with as few unknowns as possible.
