@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 @click.option(
     "--columns",
     metavar="TABLE NAMES",
-    type=(InputPath(), str),
+    type=(str, str),
     multiple=True,
     help="Names of the columns of a table without a header, or in place of it: a,b,c; - for one not used.",
 )
@@ -65,7 +65,7 @@ def command(
     pixel: str,
     datum: str,
     protocol: str | None,
-    columns: tuple[tuple[Path, str], ...],
+    columns: tuple[tuple[str, str], ...],
     force: bool,
 ) -> None:
     """Create PROJECT, a commented project file, from TABLES (CSV, spreadsheets) or from photographs.
@@ -110,9 +110,12 @@ def command(
     if tables and all(path.suffix.lower() in SUFFIXES for path in tables):
         _begin_from_photographs(project, tables, force)
         return
-    named = {path: tuple(name.strip() for name in names.split(",")) for path, names in columns}
-    if strange := [path for path in named if path not in tables]:
-        raise InputError([Message("this is none of the tables that are given", f"--columns {strange[0]}")])
+    named = dict[Path, tuple[str, ...]]()
+    for given, names in columns:
+        meant = [path for path in tables if path == Path(given)] or [path for path in tables if path.name == given]
+        if len(meant) != 1:
+            raise InputError([Message("this is none of the tables that are given, or several", f"--columns {given}")])
+        named[meant[0]] = tuple(name.strip() for name in names.split(","))
     found = told_apart(levelled([part for table in tables for part in _recognised(table, named.get(table, ()))]))
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)

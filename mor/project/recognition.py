@@ -35,20 +35,20 @@ _HEIGHTS = {"from_height": _N.from_height, "to_height": _N.to_height}
 _SIGHT = {
     "station_height": f"fromheight|{_N.from_height}",
     "to_height": _N.to_height,
-    "set": "set|satz|setid|setno|setnr|round|series",
+    "set": "set|satz|setid|setno|setnr|round|series|obsset|测回",
     "face": "face|facenr|faceno|lage|kreislage",
     "epoch": "epoch|epoche",
 }
 
 
 def _precisions(names: str) -> str:
-    pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "err", "error"))
+    pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "sd", "err", "error"))
     both = [text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}")]
     return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
 
 
 _BETWEEN = {**_HEIGHTS, "sigma": _N.standard_deviation, "epoch": "epoch|epoche"}
-_BEARING_DISTANCE = f"{_N.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d"
+_BEARING_DISTANCE = f"{_N.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
@@ -109,14 +109,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"station": _N.from_, "to": f"{_N.to}|{_N.point}|id", "horizontal": f"{_N.horizontal}|r", "zenith": _N.zenith},
         {
             **_SIGHT,
-            "sigma_horizontal": _precisions("hz|dir|direc|direction|horizontal"),
-            "sigma_zenith": _precisions("v|zenith"),
+            "sigma_horizontal": _precisions("hz|ha|dir|direc|direction|horizontal"),
+            "sigma_zenith": _precisions("v|zenith|zd"),
             "sigma": "",
         },
     ),
     "directions": (
         {"station": _N.from_, "to": f"{_N.to}|{_N.point}|id", "horizontal": f"{_N.horizontal}|r"},
-        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz')}|{_N.standard_deviation}|md"},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz|ha')}|{_N.standard_deviation}|md"},
     ),
     "angle": (
         {
@@ -160,7 +160,11 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "vector": (
         {"from": _N.from_, "to": _N.to, **_VECTOR},
-        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}|m{name}" for name in _VECTOR}},
+        {
+            **_BETWEEN,
+            **_COVARIANCES,
+            **{f"sigma_d{axis}": f"sd{axis}|md{axis}|{_STATED[f'sigma_{axis}']}" for axis in _AXES},
+        },
     ),
     "zenith_angle": ({"from": _N.from_, "to": f"{_N.to}|{_N.point}", "zenith_angle": _N.zenith}, _BETWEEN),
     "bearing": ({"from": _N.from_, "to": _N.to, "bearing": _N.bearing}, _BETWEEN),
@@ -180,7 +184,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {
             "point": f"{_N.from_}|{_N.point}|id|corner",
             "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
-            "|innenwinkel|brechungswinkel|anguloobservado|angulointerno|angulointerior",
+            "|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
             "distance": _BEARING_DISTANCE,
         },
         {},
@@ -188,18 +192,17 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "vertical_direction": ({"from": _N.from_, "to": _N.to, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": _N.from_, "to": f"{_N.to}|{_N.point}", "distance": f"{_N.distance}|s"},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_N.standard_deviation}|ms"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|sderror|{_N.standard_deviation}|ms"},
     ),
     "height_difference": (
         {
             "from": _N.from_,
             "to": _N.to,
-            "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee|desnivel"
-            "|dislivello"
-            "|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
+            "dz": "dz|dh|lv|lvvalue|高差|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee"
+            "|desnivel|dislivello|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_N.standard_deviation}",
+            "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{_N.standard_deviation}",
             "length": f"km|lengthkm|skm|l|{_N.length}",
             "epoch": "epoch|epoche",
         },
@@ -311,11 +314,11 @@ _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 _WORDS_OF_UNITS = {unit: unit for unit in _UNITS} | {
     word: unit
     for unit, words in {
-        "m": "meter|meters|metre|metres|metros|metri",
-        "km": "kilometer|kilometers|kilometre|kilometres",
-        "mm": "millimeter|millimeters|millimetre|millimetres",
+        "m": "meter|meters|metre|metres|metros|metri|米",
+        "km": "kilometer|kilometers|kilometre|kilometres|公里|千米",
+        "mm": "millimeter|millimeters|millimetre|millimetres|毫米",
         "ft": "foot|feet",
-        "deg": "degree|degrees|grados|graus|gradi",
+        "deg": "degree|degrees|grados|graus|gradi|度",
         "rad": "radian|radians",
         "arcsec": "sec|secs|second|seconds",
     }.items()
@@ -352,6 +355,11 @@ _HELD = re.compile(
     r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
 )
 """Headings of columns that say whether a point, or a coordinate of it, is fixed."""
+_OFF = re.compile(
+    r"(?:is)?(?:ignored?|reject(?:ed)?|excluded?|disabled?|omit(?:ted)?|skip(?:ped)?|outlier|unused|sluk)"
+)
+_ON = re.compile(r"(?:is)?(?:used?|active|enabled?|included?|aktiv)")
+"""Headings of columns that say which rows are not to be used, and which are."""
 _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
 _LEGEND = re.compile(r"([^\W_]+)\s*[\[(=:]\s*([^\W_]+)")
@@ -522,13 +530,16 @@ class _Block(NamedTuple):
 def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
     tidy, stated = _tidied(block.rows)
+    tidy, off = _without_switched_off(tidy)
     tidy, wires = _with_whole_readings(tidy)
     tidy, packed = _without_packed_angles(tidy)
-    tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
+    tidy, held = _with_sigmas(_without_empty_readings(tidy))
+    tidy, zeros = _without_zeros(_with_targets(_with_faces(tidy)))
     tidy, none = _without_zero_readings(tidy)
     tidy, alone = _with_station(tidy)
     is_encoded = cells.encoding in CODE_PAGES
-    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + packed + zeros + none + alone
+    encoded = (not_utf8(cells.encoding),) if is_encoded else ()
+    encoded += (*block.notes, *off, *wires, *packed, *held, *zeros, *none, *alone)
     parts = _parts(tidy, path)
     return [
         table._replace(
@@ -1535,8 +1546,49 @@ def _is_sexagesimal(cells: Sequence[str]) -> bool:
     return minutes.is_integer() and 0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0
 
 
-def _with_sigmas(rows: _Cells) -> _Cells:
-    """Rows with standard deviations for variances, and with 0 for those that a column of yes and no holds fixed."""
+def _without_switched_off(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows without those that a column of yes and no leaves out, and a note on them."""
+    header, body = (rows[0], rows[1:]) if rows else ((), ())
+    kinds = _kinds(_named([cell.strip() for cell in header]))
+    for k, name in enumerate(map(_normalised, header)):
+        cells = [_normalised(_cell(row, k)) or _cell(row, k) for row in body]
+        if not kinds or any(kind.startswith("points") for kind in kinds) or not set(cells) <= _YES | _NO:
+            continue
+        if _OFF.fullmatch(name) or _ON.fullmatch(name):
+            unwanted = _YES if _OFF.fullmatch(name) else _NO
+            kept = tuple(row for row, cell in zip(body, cells, strict=True) if cell not in unwanted)
+            words = f"rows that the column {header[k].strip()} leaves out: {counted(len(body) - len(kept), 'row')}"
+            return ((header, *kept), (words,)) if 0 < len(kept) < len(body) else (rows, ())
+    return rows, ()
+
+
+def _without_empty_readings(rows: _Cells) -> _Cells:
+    """Rows without names of columns of readings that are empty in each row: of forms that have one for each kind."""
+    while len(rows) > 1:
+        header = [cell.strip() for cell in rows[0]]
+        places = {
+            header.index(cell)
+            for kind, columns in _kinds(_named(header)).items()
+            if not kind.startswith(("points", "images", "stations", "levelling"))
+            for name, cell in columns.items()
+            if (name in KINDS[kind][0] and name not in (*PLACES, "image")) or name.startswith("sigma")
+        }
+        listed = _kinds(_named(header)).get("points", {})
+        plan = {header.index(listed[axis]) for axis in "xy" if axis in listed}
+        empty = {k for k in places | plan if not any(_cell(row, k) for row in rows[1:])}
+        empty -= plan if not plan <= empty or "z" not in listed else set()
+        if not empty:
+            break
+        rows = (tuple(f"column{k + 1}" if k in empty else cell for k, cell in enumerate(rows[0])), *rows[1:])
+    return rows
+
+
+def _with_sigmas(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows with standard deviations for variances, and with 0 for those that a column of yes and no holds fixed.
+
+    Where it does, standard deviations of the other points are of former results, and a note says that they are not
+    used.
+    """
     header, body = (rows[0], rows[1:]) if rows else ((), ())
     names = [_normalised(cell) for cell in header]
     for k, name in enumerate(names):
@@ -1549,9 +1601,9 @@ def _with_sigmas(rows: _Cells) -> _Cells:
             rows = _replaced(rows, k, f"sigma_{of}" if of else "sigma", roots)
     kinds = _kinds(_named([cell.strip() for cell in header]))
     points = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
-    if not points or any(name.startswith("sigma") for name in points):
-        return rows
-    for k, name in enumerate(names):
+    former = [[cell.strip() for cell in header].index(points[name]) for name in points if name.startswith("sigma")]
+    notes: tuple[str, ...] = ()
+    for k, name in enumerate(names if points else ()):
         match, signs = _HELD.fullmatch(name), dict[str, str]()
         if len(legend := _LEGEND.findall(header[k])) > 1:
             signs = {_normalised(sign): _normalised(word) for word, sign in legend}
@@ -1563,11 +1615,14 @@ def _with_sigmas(rows: _Cells) -> _Cells:
         axes = [axis for axis in "xyz" if axis in points and (axis_named or axis) in _AXES[axis]]
         is_told = match or (signs and any(cell.isalpha() and cell in _NO for cell in cells))
         if is_told and axes and _YES & set(cells) and set(cells) <= _YES | _NO:
+            for place in former:
+                notes = ("standard deviations beside a column that says what is fixed are not used",)
+                rows = _replaced(rows, place, f"column{place + 1}", [_cell(row, place) for row in rows[1:]])
             zeros = ["0" if cell in _YES else "" for cell in cells]
             rows = _replaced(rows, k, f"sigma_{axes[0]}", zeros)
             for axis in axes[1:]:
                 rows = tuple((*row, cell) for row, cell in zip(rows, (f"sigma_{axis}", *zeros), strict=True))
-    return rows
+    return rows, notes
 
 
 def _with_faces(rows: _Cells) -> _Cells:
@@ -1578,6 +1633,22 @@ def _with_faces(rows: _Cells) -> _Cells:
         if name in _SIGHT["face"].split("|") and any(cells) and set(cells) <= _FACES.keys():
             rows = _replaced(rows, k, header[k], [_FACES[cell] for cell in cells])
     return rows
+
+
+def _with_targets(rows: _Cells) -> _Cells:
+    """Rows in face 2 with the target of the row above in face 1, if they have none of their own."""
+    header, body = ([cell.strip() for cell in rows[0]], rows[1:]) if rows else ([], ())
+    columns = next(
+        (columns for columns in _kinds(_named(header)).values() if "face" in columns and "to" in columns), {}
+    )
+    if not columns:
+        return rows
+    face, to = header.index(columns["face"]), header.index(columns["to"])
+    cells = [_cell(row, to) for row in body]
+    for k, (above, row) in enumerate(pairwise(body), start=1):
+        if not cells[k] and (_cell(above, face), _cell(row, face)) == ("1", "2"):
+            cells[k] = cells[k - 1]
+    return rows if cells == [_cell(row, to) for row in body] else _replaced(rows, to, rows[0][to], cells)
 
 
 def _with_station(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
@@ -1689,7 +1760,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     of heights alone that lack points that were measured are control. Copies of files of one name get numbers. Raises
     :class:`InputError` for a list with both.
     """
-    tables = _with_image_points_apart(tables)
+    tables = _with_image_points_apart(_with_names_of_observations(tables))
     paths = dict.fromkeys(table.path for table in tables)
     for k, table in enumerate(tables):
         same = [path for path in paths if path.stem == table.path.stem].index(table.path)
@@ -1713,6 +1784,26 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
     return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
+
+
+def _with_names_of_observations(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables, with lists of points by the column that has their names in the observations.
+
+    Lists often have numbers of their own beside them.
+    """
+    found, names = list(tables), {name for table in tables for place in PLACES for name in table.texts(place) if name}
+    for k, table in enumerate(tables):
+        if table.kind != "points" or not names.isdisjoint(table.texts("id")):
+            continue
+        for cell in table.unused:
+            columns = {**table.columns, "id": cell}
+            other = table._replace(columns=columns)
+            own = [name for name in other.texts("id") if name]
+            if len(set(own)) == len(own) and 2 * len(names.intersection(own)) > len(own):
+                unused = tuple(name for name in table.unused if name != cell)
+                found[k] = other._replace(unused=(*unused, table.columns["id"]))
+                break
+    return found
 
 
 def _with_image_points_apart(tables: Sequence[Found]) -> list[Found]:
@@ -1797,6 +1888,8 @@ def _cells(path: Path, sheet: str | None, width: int) -> _File:
         for k, ln in enumerate(text.split("\n"), start=1)
         if ln.strip() and not ln.startswith(("#", "%")) and not _is_ruler(ln)
     ]
+    is_counted = len(numbered) > 1 and numbered[0][1].strip() == str(len(numbered) - 1)
+    numbered = numbered[is_counted:]  # the first line was the number of rows
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
     first = lines[0] if lines else ""
@@ -1822,7 +1915,11 @@ def _cells(path: Path, sheet: str | None, width: int) -> _File:
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
     above = next((head for head in reversed(heads) if found and len(head) == len(found[0][1])), ())
-    joined = has_bars or (delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines))
+    joined = (
+        is_counted
+        or has_bars
+        or (delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines))
+    )
     return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding, joined)
 
 
@@ -2022,6 +2119,8 @@ _PLANE = {"angle", "bearing", "directions", "horizontal_distance"}
 """Types without heights."""
 
 
+_FINEST = 1e-4
+"""Standard deviation in degrees or gon below that of any theodolite."""
 _DECIMETRE = 0.1
 """Standard deviation in metres that no distance, levelling line or vector exceeds."""
 
@@ -2074,6 +2173,9 @@ def begin(
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
+    in_lists = {name for t in by_kind["points"] for name, z in zip(*map(t.texts, ("id", "z")), strict=False) if z}
+    is_flat = bool(measured) and kinds <= _PLANE and not is_plane and in_lists.issuperset(_names(measured, PLACES))
+    held = ("x", "y") if levelled else ("z",) if is_flat else ()
     circles = _circles(tables)
     guessed = circles.unit if not units[1] else None
     content = {
@@ -2095,7 +2197,7 @@ def begin(
         "plane": is_plane,
         **{
             kind: [
-                _entry(target, table, corner, levelled, table.is_control and not table.has_sigma and datum == "fixed")
+                _entry(target, table, corner, held, table.is_control and not table.has_sigma and datum == "fixed")
                 for table in found
             ]
             for kind, found in by_kind.items()
@@ -2218,11 +2320,19 @@ def _circles(tables: Sequence[Found]) -> _Circles:
     if min(level) < 2.0:
         least = dict(zip(_CIRCLES, level, strict=True))
     first, second = sorted(_CIRCLES, key=lambda name: least[name])
-    told = first if least[first] < _AGREES * least[second] else ""
+    told = (first if least[first] < _AGREES * least[second] else "") or _by_range(bare)
     known = told or "gon"
     # With exchanged axes angles agree within 2 % of the circle.
     is_reversed = best[known, -1] < min(_AGREES * best[known, 1], 0.02)
     return _Circles(told if bare else None, is_reversed)
+
+
+def _by_range(tables: Sequence[Found]) -> str:
+    """Unit of directions: gon go beyond 360; several that end right below 360 are back where their set began."""
+    values = [v for table in tables if "horizontal" not in table.units for v in table.numbers("horizontal")]
+    if max(values, default=0.0) >= 360.0:
+        return "gon"
+    return "deg" if sum(v > 359.9 for v in values) > 1 else ""
 
 
 def _traversed(table: Found) -> Iterator[float]:
@@ -2304,9 +2414,10 @@ def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:
 
 
 def _units_of_precision(table: Found) -> dict[str, str]:
-    """Units of standard deviations and covariances that would be too large in the units of the project.
+    """Units of standard deviations and covariances that would be too large or small in the units of the project.
 
-    Those of lengths above a decimetre are millimetres, those of angles above a tenth of a degree or gon seconds of arc.
+    Those of lengths above a decimetre are millimetres, those of angles above a tenth of a degree or gon seconds of arc,
+    those of angles finer than any theodolite radians.
     """
     is_angle = table.kind in ("directions", "angle", "bearing", "zenith_angle", "zenith_directions")
     is_list_of_heights = table.kind == "points" and "x" not in table.columns
@@ -2316,10 +2427,19 @@ def _units_of_precision(table: Found) -> dict[str, str]:
     stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]
     sizes = [math.sqrt(abs(variance)) for variance in variances]
     sizes += [value for name in stated for value in table.numbers(name)]
-    if not sizes or median(sizes) < _DECIMETRE:
+    is_fine = is_angle and 0.0 < median(sizes or [0.0]) < _FINEST
+    if not sizes or (median(sizes) < _DECIMETRE and not is_fine):
         return {}
     stated += [name for name in table.columns if name.startswith("cov_")]
-    return {name: "arcsec" if is_angle else "mm" for name in stated if name not in table.units}
+    return {name: "rad" if is_fine else "arcsec" if is_angle else "mm" for name in stated if name not in table.units}
+
+
+_ON_ONE_LINE: Mapping[str, Any] = {
+    "default_flow_style": True,
+    "sort_keys": False,
+    "width": 100_000,
+    "allow_unicode": True,
+}
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
@@ -2328,15 +2448,15 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
     if not rest:
         return ""
     if len(rest) <= LONGEST:
-        rows = yaml.safe_dump([[name] for name in rest], default_flow_style=True, width=100_000).strip()
+        rows = yaml.safe_dump([[name] for name in rest], **_ON_ONE_LINE).strip()
         return f"columns: [id]\n    rows: {rows}"
     path = target.with_name(f"{target.stem}_{what}.csv")
     texts[path] = "id\n" + "".join(f"{guarded(name)}\n" for name in rest)
     return f"file: {path.name}"
 
 
-def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_held: bool = False) -> dict[str, Any]:
-    """Entry of the template for a table; where heights alone are measured, positions of its points are held.
+def _entry(target: Path, table: Found, corner: bool, held: Sequence[str] = (), is_held: bool = False) -> dict[str, Any]:
+    """Entry of the template for a table; ``held``: coordinates that nothing measures.
 
     ``is_held``: all coordinates in it are held.
     """
@@ -2358,21 +2478,18 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_
         keys["delimiter"] = table.delimiter
     if table.decimal_comma:
         keys["decimal"] = ","
-    if levelled:
-        keys |= ({} if "x" in table.columns else {"values": {"x": 0, "y": 0}}) | {"fixed": ["x", "y"]}
+    if held:
+        keys |= ({} if held[0] in table.columns else {"values": dict.fromkeys(held, 0)}) | {"fixed": list(held)}
     if is_held:
         keys["fixed"] = list(
             dict.fromkeys([*keys.get("fixed", ()), *(axis for axis in "xyz" if axis in table.columns)])
         )
-    lines = [
-        f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
-        for key, value in keys.items()
-    ]
+    lines = [f"{key}: {yaml.safe_dump(value, **_ON_ONE_LINE).splitlines()[0]}" for key, value in keys.items()]
     if table.header[:4] == _OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [f"{line}  # CHECK" if is_held and line.startswith("fixed:") else line for line in lines]
     lines = [
-        f"{line}  # CHECK: found standard deviations that are large in the unit of the readings"
+        f"{line}  # CHECK: the standard deviations are no usual ones in the unit of the readings"
         if line.startswith("units:") and guessed
         else line
         for line in lines

@@ -311,7 +311,7 @@ def test_covariances_of_vectors_are_used_and_their_unit_is_asked_for(tmp_path: P
     project = tmp_path / "p.yaml"
     assert run(["new", str(project), str(table), "--datum", "free"]) == 0
     assert "cov_dx_dx: mm" in project.read_text()
-    assert "# CHECK: found standard deviations that are large" in project.read_text()
+    assert "# CHECK: the standard deviations are no usual ones" in project.read_text()
     assert run(["check", str(project), "--quiet"]) == 0
 
 
@@ -664,9 +664,84 @@ def test_columns_may_be_named(
 ) -> None:
     table, project = tmp_path / "t.csv", tmp_path / "p.yaml"
     table.write_text(content)
-    assert run(["new", str(project), str(table), "--columns", str(table), names]) == 0
+    assert run(["new", str(project), str(table), "--columns", "t.csv", names]) == 0
     assert f"t.csv: {kind}," in capsys.readouterr().err
     assert (tmp_path / "p_t.csv").read_text() == written
+
+
+FORM = "from,to,HzD,HzM,HzS,HD,SD,dh,sd_Hz,sd_dist,sd_dh\n"
+
+
+@pytest.mark.parametrize(
+    ("tables", "said", "written"),
+    [
+        # columns of a form that are empty in all rows are those of other kinds of readings
+        (
+            {"o": FORM + "A,B,,,,,,1.5,,,\nB,C,,,,,,0.5,,,\n"},
+            ["o.csv: height_difference, 2 rows"],
+            ["values: {sigma: 1 mm}"],
+        ),
+        (
+            {"o": FORM + "A,B,10,5,30,99.5,,,1,2,\nA,C,20,5,0,9.5,,,1,2,\n"},
+            ["o.csv: directions, 2 rows", "o.csv: horizontal_distance, 2 rows"],
+            ["sigma: arcsec", "sigma: mm"],
+        ),
+        # lists by numbers of their own, of points whose heights nothing measures
+        (
+            {
+                "o": "from,to,hz,hd\nP1,P2,0,50\nP1,P3,40,60\nP2,P3,50,45\n",
+                "p": "id,Name,x,y,h\n1,P1,0,0,9\n2,P2,50,0,8\n3,P3,40,40,7\n",
+            },
+            ["p.csv: columns not used: id"],
+            ["Name: id", "fixed: [z]"],
+        ),
+        # heights without places
+        (
+            {"o": "from,to,dh\nA,B,1\n", "p": "id,x,y,h\nA,,,5\nB,,,6\n"},
+            ["p.csv: points, 2 rows"],
+            ["values: {x: 0, y: 0}"],
+        ),
+        # rows that are switched off, and what is fixed beside former standard deviations
+        (
+            {
+                "o": "from,to,dh,ignore\nA,B,1,\nA,B,2,x\nB,C,1,\n",
+                "p": "id,h,sigma,fixed\nA,5,0.5,x\nB,6,0.5,\nC,7,0.5,\n",
+            },
+            ["rows that the column ignore leaves out: 1 row", "beside a column that says what is fixed are not used"],
+            ["column3: null"],
+        ),
+        # σ in radians
+        ({"o": "at,from,to,angle,sigma\nA,B,C,30.5,2.4e-05\n"}, ["angle, 1 row"], ["sigma: rad"]),
+        # directions that begin anew near 360 are degrees
+        ({"o": "station,to,hz\nA,B,0\nA,C,20\nA,B,359.99\nB,A,359.98\nB,C,3\n"}, [], ["angle: deg  # CHECK"]),
+        # a first line with the number of rows; σ of vectors by their axes; Chinese names
+        ({"p": "3\nA,1,2,3\nB,4,5,6\nC,7,8,9\n"}, ["p.csv: points, 3 rows"], []),
+        ({"o": "from,to,dx,dy,dz,sx,sy,sz\nA,B,1,2,3,4,5,6\n"}, ["o.csv: vector, 1 row"], ["sx: sigma_dx"]),
+        ({"o": "测站,目标,斜距(米)\nA,B,10.5\n"}, ["o.csv: distance, 1 row"], ["斜距(米): distance"]),
+    ],
+)
+def test_tables_of_other_programs(
+    tmp_path: Path,
+    tables: dict[str, str],
+    said: list[str],
+    written: list[str],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    for name, text in tables.items():
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    project = tmp_path / "n.yaml"
+    assert run(["new", str(project), *(str(tmp_path / f"{name}.csv") for name in tables)]) == 0
+    told, text = capsys.readouterr().err, project.read_text(encoding="utf-8")
+    assert [words for words in said if words not in told] == []
+    assert [words for words in written if words not in text] == []
+
+
+def test_the_row_in_face_2_has_the_target_above_it(tmp_path: Path) -> None:
+    rows = "S,T1,1,0.001,97\n,,2,199.999,303\n,T2,1,69.262,95\n,,2,269.26,305\n"
+    (tmp_path / "t.csv").write_text(f"station,target,face,hz,v\n{rows}")
+    assert run(["new", str(tmp_path / "n.yaml"), str(tmp_path / "t.csv")]) == 0
+    targets = [line.split(",")[1] for line in (tmp_path / "n_t.csv").read_text().splitlines()]
+    assert targets == ["target", "T1", "T1", "T2", "T2"]
 
 
 @pytest.mark.parametrize(
