@@ -538,7 +538,7 @@ def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) 
     tidy, none = _without_zero_readings(tidy)
     tidy, alone = _with_station(tidy)
     is_encoded = cells.encoding in CODE_PAGES
-    encoded = (not_utf8(cells.encoding),) if is_encoded else ()
+    encoded: tuple[str, ...] = (not_utf8(cells.encoding),) if is_encoded else ()
     encoded += (*block.notes, *off, *wires, *packed, *held, *zeros, *none, *alone)
     parts = _parts(tidy, path)
     return [
