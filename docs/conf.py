@@ -87,7 +87,6 @@ CHAPTERS = {
             f"formats/{page}"
             for page in (
                 "gkf",
-                "textbook",
                 "starnet",
                 "jag3d",
                 "comp3d",

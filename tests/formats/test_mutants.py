@@ -26,7 +26,6 @@ from .mutants import faults, materials
             "gkf",
             "gcp",
             "bundler",
-            "textbook",
             "dynadjust",
             "snap",
             "sinex",

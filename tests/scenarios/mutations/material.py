@@ -37,7 +37,6 @@ def all_material() -> list[Material]:
         *_kinds(),
         *_cases(),
         *_one_file("gama", "*.gkf"),
-        *_one_file("textbook", "**/*.dat"),
         *_folders(),
     ]
 

@@ -1,4 +1,8 @@
-"""Read networks of textbooks."""
+"""Read the networks of F. Krumm's *Geodetic Network Adjustment Examples*, as reference data.
+
+A file has sections ``[Name,unit of values,unit of σ]``; ``%`` begins a comment. A σ holds for the lines below it. x is
+east, y north, bearings count clockwise from north; m and gon where nothing else is said.
+"""
 
 from __future__ import annotations
 
