@@ -199,7 +199,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "from": _N.from_,
             "to": _N.to,
             "dz": "dz|dh|lv|lvvalue|高差|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee"
-            "|desnivel|dislivello|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
+            "|desnivel|dislivello|przewyzszenie|roznicawysokosci|yuekseklikfarki|kotfarki|превышение|bedatinggi",
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{_N.standard_deviation}",
@@ -385,7 +385,18 @@ _AGREES = 0.5
 """Part of the misfit in the other unit or sense that angles in theirs have at most."""
 _OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
-    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
+    {
+        "ı": "i",
+        "ä": "ae",
+        "ö": "oe",
+        "ü": "ue",
+        "ß": "ss",
+        "δ": "d",
+        "ω": "omega",
+        "φ": "phi",
+        "κ": "kappa",
+        "σ": "sigma",
+    }
 )
 
 
@@ -1904,11 +1915,12 @@ def _cells(path: Path, sheet: str | None, width: int) -> _File:
             (sign for sign in ";\t ," if any(len(row) == width for row in _rows(lines[-1:], sign))), likely
         )
     else:
-        fitting = (sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign))))
+        signs = sorted((likely, *";\t,"), key=lambda sign: sign == " ")  # a title has blanks, too
+        fitting = (sign for sign in signs if any(map(_fits, _rows(lines[:_TITLES], sign))))
         delimiter = next(fitting, likely)
     reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:
-        found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if row]
+        found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if any(map(str.strip, row))]
         heads = [
             tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
         ]
@@ -2150,13 +2162,14 @@ def begin(
         name for t in tables if t.kind == "points" and not t.part.startswith(_BENCHMARK) for name in t.texts("id")
     }
     tables = [t for t in tables if t.rows and (not t.part.startswith(_BENCHMARK) or listed.isdisjoint(t.texts("id")))]
+    tables = [t._replace(delimiter=",;"[t.decimal_comma]) if t.tidied and t.delimiter == " " else t for t in tables]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
     texts: dict[Path, str] = {}
     for table in tables:
         if table.tidied:
             lines = io.StringIO()
-            writer = csv.writer(lines, delimiter=table.delimiter.replace(" ", ","), lineterminator="\n")
+            writer = csv.writer(lines, delimiter=table.delimiter, lineterminator="\n")
             writer.writerows([table.header, *table.rows] if table.has_header else table.rows)
             texts[table.copy(target)] = lines.getvalue()
     seen = [t for t in measured if t.kind == "image"]
@@ -2474,7 +2487,7 @@ def _entry(target: Path, table: Found, corner: bool, held: Sequence[str] = (), i
         keys["columns"] = {**renamed, **dict.fromkeys(others)}
     if units:
         keys["units"] = units
-    if table.delimiter != "," and not (table.tidied and table.delimiter == " "):
+    if table.delimiter != ",":
         keys["delimiter"] = table.delimiter
     if table.decimal_comma:
         keys["decimal"] = ","

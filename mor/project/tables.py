@@ -235,9 +235,15 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
     if text and not text.endswith(b"\n"):
         ends = np.append(ends, len(text))
     starts = np.concatenate([[0], ends[:-1] + 1])
-    if len(ends) and not (data[starts] <= ord(" ")).any():
+    separator = ord(delimiter or ",")
+    if len(ends) and not ((data[starts] <= ord(" ")) | (data[starts] == separator)).any():
         return _Text(text, np.arange(1, len(ends) + 1, dtype=np.int32))
-    full = np.logical_or.reduceat(data > ord(" "), starts) if len(ends) else np.zeros(0, dtype=bool)
+    # A line of nothing but separators is one that a spreadsheet leaves empty.
+    full = (
+        np.logical_or.reduceat((data > ord(" ")) & (data != separator), starts)
+        if len(ends)
+        else np.zeros(0, dtype=bool)
+    )
     kept = np.repeat(full, ends - starts + 1)[: len(data)]
     return _Text(data[kept].tobytes(), (np.flatnonzero(full) + 1).astype(np.int32))
 
@@ -283,6 +289,15 @@ def _cells(line: str, separator: str) -> list[str]:
         return next(csv.reader([line], delimiter=separator), [])
     except csv.Error:  # longer than any cell may be
         return line.split(separator)
+
+
+def _is_open(line: str, separator: str) -> bool:
+    """Return whether a quote opens a cell and is not closed; one behind a number means seconds."""
+    try:
+        list(csv.reader([line], delimiter=separator, strict=True))
+    except csv.Error:
+        return True
+    return False
 
 
 def _frame(
@@ -332,7 +347,7 @@ def _one_by_one(
     lines = cleaned.lines[int(headed) :]
     source = Lines(lines, file, problems)
     content = content[: len(lines)]
-    open_ = np.array([line.count('"') % 2 == 1 for line in content])
+    open_ = np.array([line.count('"') % 2 == 1 and _is_open(line, separator) for line in content])
     source.tell_where(open_, "a quote that opens in this line is not closed in it")
     if open_.any():
         return None

@@ -484,9 +484,7 @@ def without_suspects(
         return other._replace(suspects=suspects)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
-    converged = plain.outcome is Outcome.CONVERGED
-    # Residuals are as large as their σ where no minimum is found, or a tenth of them: none is a suspect.
-    if plain.normals.objective < (0.01 if converged else 2.0) * plain.redundancy:
+    if plain.normals.objective < 0.01 * plain.redundancy:  # residuals are a tenth of their σ: none is a suspect
         return Attempt(plain)
     return _repaired(plain, settings, watch)
 
