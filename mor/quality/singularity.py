@@ -437,13 +437,21 @@ def _loose(solved: Solved, parts: tuple[NetworkPart, ...], separated: bool, say:
             single.setdefault(blocks[0], []).append(direction)
         elif not separated:
             lines += _together(direction, blocks, say)
-    told = [
-        say("No observation refers to {names}; observe it, or leave it out.", names=_name(kind, block, say))
-        if _is_idle(solved, kind, block)
-        else _one_block(kind, block, directions, say)
-        for (kind, block), directions in single.items()
-        if thing_of(kind, block) not in alone
-    ]
+    told, alike = list[str](), dict[tuple[str, str], list[str]]()
+    for (kind, block), directions in single.items():
+        if thing_of(kind, block) in alone:
+            continue
+        if _is_idle(solved, kind, block):
+            told.append(
+                say("No observation refers to {names}; observe it, or leave it out.", names=_name(kind, block, say))
+            )
+        elif len(directions) == 1 and len(directions[0].unknowns) > 1:
+            told.append(_in_one_direction(kind, block, directions[0], say))
+        else:
+            components = ", ".join(sorted({component for d in directions for _, _, component in d.unknowns}))
+            alike.setdefault((kind, components), []).append(block)
+    for (kind, components), blocks in alike.items():
+        told += _along(kind, components, blocks, say)
     return [*told, *lines, *_geometry(solved, alone, say)]
 
 
@@ -513,22 +521,31 @@ def weakness(solved: Solved, say: Translate = english) -> list[str]:
     return lines
 
 
-def _one_block(kind: str, block: str, directions: list[Undetermined], say: Translate) -> str:
-    cure = _cure(kind, block, say)
-    if len(directions) == 1 and len(directions[0].unknowns) > 1:
-        return say(
-            "{names} is not determined in one direction ({components} = {ratios}); {cure}.",
-            names=_name(kind, block, say),
-            components=" : ".join(component for _, _, component in directions[0].unknowns),
-            ratios=" : ".join(say("{amount}", amount=f"{x:.3g}") for x in directions[0].amounts),
-            cure=cure,
-        )
+def _in_one_direction(kind: str, block: str, direction: Undetermined, say: Translate) -> str:
     return say(
-        "{names} is not determined along {components}; {cure}.",
+        "{names} is not determined in one direction ({components} = {ratios}); {cure}.",
         names=_name(kind, block, say),
-        components=", ".join(sorted({component for d in directions for _, _, component in d.unknowns})),
-        cure=cure,
+        components=" : ".join(component for _, _, component in direction.unknowns),
+        ratios=" : ".join(say("{amount}", amount=f"{x:.3g}") for x in direction.amounts),
+        cure=_cure(kind, block, say),
     )
+
+
+def _along(kind: str, components: str, blocks: Sequence[str], say: Translate) -> list[str]:
+    """A line for each block, or one for more than three with the same cure."""
+    by_cure: dict[str, list[str]] = {}
+    for block in blocks:
+        by_cure.setdefault(_cure(kind, block, say), []).append(_name(kind, block, say))
+    lines = []
+    for cure, names in by_cure.items():
+        if len(names) > 3:
+            listed = enumerated(names, _SINGULARITIES_SHOWN, say)
+            words = "These are not determined along {components}: {names}; {cure}."
+            lines.append(say(words, components=components, names=listed, cure=cure))
+        else:
+            words = "{names} is not determined along {components}; {cure}."
+            lines += [say(words, names=name, components=components, cure=cure) for name in names]
+    return lines
 
 
 def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Translate) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -48,9 +49,9 @@ def test_constants_that_nothing_tells_are_named(seed: int, tmp_path: Path) -> No
     project.write_text(_block(seed, 6.0, is_one_camera=False), encoding="utf-8")
     run = mor("adjust", project)
     assert run.code == 4
-    words = [line for line in run.err.splitlines() if "is not determined along" in line]
-    assert words[0].startswith("the interior orientation of camera C")
-    assert "is not determined along c;" in words[0]
+    assert re.search(
+        r"not determined along c.*interior orientation of camera C\d|camera C\d is not determined along c;", run.err
+    )
 
 
 @pytest.mark.parametrize("seed", range(1, 5))
