@@ -92,7 +92,9 @@ def command(
     """
     from mor.formats.exif import SUFFIXES
     from mor.output_files import write_files
-    from mor.project.recognition import CameraSettings, begin, begin_test, levelled, told_apart
+    from mor.project.level_books import levelled
+    from mor.project.new_project import CameraSettings, begin, begin_test
+    from mor.project.recognition import told_apart
     from mor.project.schema import project_schema
     from mor.project.tables import read_sheets
     from mor.units import ANGLE_UNITS, LENGTH_UNITS

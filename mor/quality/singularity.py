@@ -450,8 +450,8 @@ def _loose(solved: Solved, parts: tuple[NetworkPart, ...], separated: bool, say:
         else:
             components = ", ".join(sorted({component for d in directions for _, _, component in d.unknowns}))
             alike.setdefault((kind, components), []).append(block)
-    for (kind, components), blocks in alike.items():
-        told += _along(kind, components, blocks, say)
+    for (kind, components), alike_blocks in alike.items():
+        told += _along(kind, components, alike_blocks, say)
     return [*told, *lines, *_geometry(solved, alone, say)]
 
 

@@ -16,7 +16,8 @@ import pytest
 from mor.api.pipeline import read_document
 from mor.cli import run
 from mor.errors import InputError
-from mor.project.recognition import Found, levelled, read_tables
+from mor.project.level_books import levelled
+from mor.project.recognition import Found, read_tables
 from mor.project.tables import _text, read_spreadsheet
 from tests.scenarios.small_projects import mor
 from tests.scenarios.tables import as_spreadsheet, trial

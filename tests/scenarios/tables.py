@@ -20,12 +20,12 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.project.recognition import _N, KINDS
+from mor.project.column_names import KINDS, NAMES
 from tests.scenarios.small_projects import mor
 
 CIRCLES = {"deg": 360.0, "gon": 400.0}
 SEPARATORS = (",", ";", "\t", " ")
-_LISTS = vars(_N)
+_LISTS = vars(NAMES)
 
 
 class Column(NamedTuple):

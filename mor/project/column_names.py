@@ -1,0 +1,452 @@
+"""Kinds of tables, and the names that their columns have in many languages."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from itertools import product
+from types import SimpleNamespace
+
+import yaml
+
+from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
+
+_LISTED = yaml.safe_load(files("mor.project").joinpath("column_names.yaml").read_text(encoding="utf-8"))
+NAMES = SimpleNamespace(**{meaning: "|".join(names.split()) for meaning, names in _LISTED.items()})
+"""Names of columns in many languages by their meaning, each list joined by bars."""
+_HEIGHTS = {"from_height": NAMES.from_height, "to_height": NAMES.to_height}
+SIGHT = {
+    "station_height": f"fromheight|{NAMES.from_height}",
+    "to_height": NAMES.to_height,
+    "set": "set|satz|setid|setno|setnr|round|series|obsset|测回",
+    "face": "face|facenr|faceno|lage|kreislage",
+    "epoch": "epoch|epoche",
+}
+
+
+def _precisions(names: str) -> str:
+    pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "sd", "err", "error"))
+    both = [text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}")]
+    return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
+
+
+_BETWEEN = {**_HEIGHTS, "sigma": NAMES.standard_deviation, "epoch": "epoch|epoche"}
+_BEARING_DISTANCE = f"{NAMES.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
+"""Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
+_POINTS = {"x": NAMES.x, "y": NAMES.y, "z": NAMES.z}
+AXES = {"x": "xe", "y": "yn", "z": "zhu"}
+_STATED = {
+    f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
+    for ours, names in AXES.items()
+} | {"sigma": "std|stdev|accuracy"}
+_COVARIANCES = {
+    f"cov_d{a}_d{b}": "|".join(
+        form.format(one, other)
+        for one, other in product(AXES[a], AXES[b])
+        for form in ("c{}{}", "cov{}{}", "q{}{}", "covd{}d{}")
+    )
+    for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+}
+_VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in AXES.items()}
+_ENDS = {
+    "from": "from|von|fra|start|pointa|frompoint|fromstation|fromstn|desde|da|od",
+    "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
+}
+"""Names of both ends of a line, which no list of points has."""
+_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{NAMES.point}|{NAMES.to}")
+"""Names of points with a staff, without those that may be numbers of rows or readings."""
+_MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
+"""Names of the hair that is the reading, behind the name of the reading."""
+_STAFF_HEIGHTS = ("height", "hgt")
+"""Names of the height at which a staff is read, behind the name of the reading."""
+STAFF_DISTANCES = {"back_distance": NAMES.back_distance, "fore_distance": NAMES.fore_distance}
+
+
+def _joined(names: str, *ends: object) -> str:
+    return "|".join(f"{name}{end}" for name in names.split("|") for end in ends)
+
+
+SECOND_READINGS = {"back2": _joined(NAMES.back, 2), "fore2": _joined(NAMES.fore, 2)}
+"""Readings of a second instrument on the same points."""
+KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
+    "image": (
+        {
+            "image": f"{NAMES.image}|img|filename|picture|imagefile|photoname",
+            "point": f"{NAMES.point}|id|target",
+            "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
+            "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
+        },
+        {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
+    ),
+    "zenith_directions": (
+        {
+            "station": NAMES.from_,
+            "to": f"{NAMES.to}|{NAMES.point}|id",
+            "horizontal": f"{NAMES.horizontal}|r",
+            "zenith": NAMES.zenith,
+        },
+        {
+            **SIGHT,
+            "sigma_horizontal": _precisions("hz|ha|dir|direc|direction|horizontal"),
+            "sigma_zenith": _precisions("v|zenith|zd"),
+            "sigma": "",
+        },
+    ),
+    "directions": (
+        {"station": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}|id", "horizontal": f"{NAMES.horizontal}|r"},
+        {**SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz|ha')}|{NAMES.standard_deviation}|md"},
+    ),
+    "angle": (
+        {
+            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
+            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
+            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
+            "angle": "angle|ang|winkel|angleright|horizontalangle",
+        },
+        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{NAMES.standard_deviation}"},
+    ),
+    "levelling between points": (
+        {
+            "from": f"{NAMES.from_}|bspoint|backpoint|backsightstation",
+            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
+            "back": NAMES.back,
+            "fore": NAMES.fore,
+        },
+        {**STAFF_DISTANCES, "distance": NAMES.length},
+    ),
+    "levelling": (
+        {
+            "point": f"{_NAMED}|{NAMES.from_}|{NAMES.point}|id|remarks|remark|bemerkung",
+            "back": _joined(NAMES.back, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "fore": _joined(NAMES.fore, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+        },
+        {
+            **SECOND_READINGS,
+            "between": _joined(NAMES.between, "", *_MIDDLE, *_STAFF_HEIGHTS),
+            "distance": NAMES.length,
+            **STAFF_DISTANCES,
+            "height": _POINTS["z"],
+        },
+    ),
+    "levelling by codes": (
+        {
+            "point": f"{_NAMED}|{NAMES.point}|id",
+            "reading": "height|hoogte|hoehe|reading|staffreading",
+            "code": "meastype|measurementtype|meettype|messtyp|messart",
+        },
+        {"distance": f"{NAMES.length}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
+    ),
+    "vector": (
+        {"from": NAMES.from_, "to": NAMES.to, **_VECTOR},
+        {
+            **_BETWEEN,
+            **_COVARIANCES,
+            **{f"sigma_d{axis}": f"sd{axis}|md{axis}|{_STATED[f'sigma_{axis}']}" for axis in AXES},
+        },
+    ),
+    "zenith_angle": ({"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "zenith_angle": NAMES.zenith}, _BETWEEN),
+    "bearing": ({"from": NAMES.from_, "to": NAMES.to, "bearing": NAMES.bearing}, _BETWEEN),
+    "traverse by legs": (
+        {
+            "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach|lado|linea|tramo|alineacion|cote|lato",
+            "bearing": NAMES.bearing,
+            "distance": _BEARING_DISTANCE,
+        },
+        {},
+    ),
+    "traverse": (
+        {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": _BEARING_DISTANCE},
+        {},
+    ),
+    "traverse by angles": (
+        {
+            "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
+            "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
+            "|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
+            "distance": _BEARING_DISTANCE,
+        },
+        {},
+    ),
+    "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, _BETWEEN),
+    "distance": (
+        {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": f"{NAMES.distance}|s"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|sderror|{NAMES.standard_deviation}|ms"},
+    ),
+    "height_difference": (
+        {
+            "from": NAMES.from_,
+            "to": NAMES.to,
+            "dz": "dz|dh|lv|lvvalue|高差|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee"
+            "|desnivel|dislivello|przewyzszenie|roznicawysokosci|yuekseklikfarki|kotfarki|превышение|bedatinggi",
+        },
+        {
+            "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{NAMES.standard_deviation}",
+            "length": f"km|lengthkm|skm|l|{NAMES.length}",
+            "epoch": "epoch|epoche",
+        },
+    ),
+    "horizontal_distance": (
+        {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": _BEARING_DISTANCE},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{NAMES.standard_deviation}"},
+    ),
+    "observations by type": (
+        {
+            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo|obs",
+            "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
+        },
+        {"unit": "units|einheit|unidad|unite"},
+    ),
+    "images": (
+        {"id": f"id|{NAMES.image}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
+        {**_POINTS, **_STATED, "camera": "kamera"},
+    ),
+    "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
+    "stations": ({"id": f"id|{NAMES.from_}", "orientation": "orientierung"}, {"point": NAMES.point, "height": "ih|hi"}),
+    "stations over points": ({"id": "id|station", "point": NAMES.point, "height": "ih|hi"}, {"set": ""}),
+    "points": ({"id": f"id|{NAMES.point}|nn|station|target|p", **_POINTS}, _STATED),
+    "vector by coordinates": (
+        {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
+        {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
+    ),
+    "height_difference by heights": (
+        {**_ENDS, "dz": "height|elevation|h"},
+        {"sigma": f"{_precisions('height|elevation|h')}|{NAMES.standard_deviation}", "length": f"km|{NAMES.length}"},
+    ),
+    "images with positions": ({"id": NAMES.image, **_POINTS}, _STATED),
+    "points in the plane": (
+        {"id": f"id|{NAMES.point}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        _STATED,
+    ),
+    "points with heights": (
+        {"id": f"id|{NAMES.point}|nn", "z": _POINTS["z"]},
+        {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
+    ),
+}
+"""Columns that a kind of table must have, and those that it may have, with other names for each.
+
+The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.
+"""
+KNOWN_NAMES = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part in columns for ours in part} | {
+    name for columns in KINDS.values() for part in columns for names in part.values() for name in names.split("|")
+}
+"""All names of columns."""
+_ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*|;.*)$", re.IGNORECASE)
+"""A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
+_WITH_UNIT = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|[\s_]in[\s_]([A-Za-zµ]+)|_([A-Za-zµ]+))")
+LINES = ("distance", "horizontal_distance")
+"""Kinds of distances: one is computed from the other where a table has both."""
+_ALSO = {
+    "image": ("points",),
+    "zenith_directions": LINES,
+    "directions": (*LINES, "height_difference"),
+    "zenith_angle": LINES,
+    "bearing": ("horizontal_distance", "distance"),
+    "distance": ("height_difference",),
+}
+"""Kinds that a table may hold besides its own, in further columns."""
+BENCHMARK = "benchmark"
+"""Part of a levelling book with the point whose height is the first one in it."""
+NO_READING, SUMS = "rows without readings", "sums of the readings"
+_SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
+"""Readings back and forward that have the signs with which they enter the height."""
+TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
+"""Beginning of the name of a row of sums."""
+_SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
+PLACEHOLDER = re.compile(r"column\d+")
+"""Name of a column of a spreadsheet that has none."""
+UNITS_OF_NAMES = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
+WORDS_OF_UNITS = {unit: unit for unit in UNITS_OF_NAMES} | {
+    word: unit
+    for unit, words in {
+        "m": "meter|meters|metre|metres|metros|metri|米",
+        "km": "kilometer|kilometers|kilometre|kilometres|公里|千米",
+        "mm": "millimeter|millimeters|millimetre|millimetres|毫米",
+        "ft": "foot|feet",
+        "deg": "degree|degrees|grados|graus|gradi|度",
+        "rad": "radian|radians",
+        "arcsec": "sec|secs|second|seconds",
+    }.items()
+    for word in words.split("|")
+}
+PLACES = ("point", "at", "from", "to", "station")
+"""Columns of measurements that name points."""
+TITLES = 20
+"""Rows among which the header is looked for."""
+Cells = tuple[tuple[str, ...], ...]
+EMPTY, ZERO = re.compile(""), re.compile(r"(?:0+(?:[.,]0*)?)?")
+NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
+ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
+"""Columns that may hold degrees, minutes and seconds."""
+OF_POINTS = ("id", "x", "y", "z")
+_UMLAUTS = str.maketrans(
+    {
+        "ı": "i",
+        "ä": "ae",
+        "ö": "oe",
+        "ü": "ue",
+        "ß": "ss",
+        "δ": "d",
+        "ω": "omega",
+        "φ": "phi",
+        "κ": "kappa",
+        "σ": "sigma",
+    }
+)
+
+
+def cell_at(row: tuple[str, ...], place: int) -> str:
+    """Return a cell without blanks around it; empty where a row is shorter."""
+    return row[place].strip() if place < len(row) else ""
+
+
+def columns_that_are_known(row: Sequence[str]) -> int:
+    """Return how many cells are names of columns."""
+    return sum(text in KNOWN_NAMES for _, text, _ in named_columns([cell.strip() for cell in row if cell.strip()]))
+
+
+def is_heading(row: Sequence[str]) -> bool:
+    """Return whether no cell is a number, or few beside the names of the columns of a known table."""
+    numbers = sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row)
+    return not numbers or (3 * numbers < sum(bool(cell.strip()) for cell in row) and bool(kinds_of(named_columns(row))))
+
+
+def fits_a_table(header: Sequence[str]) -> bool:
+    """Return whether a row has the columns of a known table, perhaps of one with stations in rows of their own."""
+    named = named_columns([cell.strip() for cell in header])
+    return len(named) > 1 and bool(kinds_of(named) or kinds_of([*named, ("", "station", "")]))
+
+
+def number_in(cell: str) -> float | None:
+    """Return the number in a cell; ``None`` for 0 and for anything else."""
+    return float(cell.replace(",", ".")) or None if NUMBER.fullmatch(cell) else None
+
+
+def kinds_of(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
+    """Columns by their names in a project, for every kind that the table holds.
+
+    If it is none, coordinates may have a suffix (E_GNSS, N_GNSS; dx-ecef, dy-ecef), which is left out.
+    """
+    found = _kinds_as_named(named)
+    if not found:
+        matches = [_SUFFIX.fullmatch(cell.strip()) for cell, _, _ in named]
+        for end in dict.fromkeys(match["end"] for match in matches if match):
+            bare = [
+                (cell, *name_and_unit(match["name"] + match["unit"])) if match and match["end"] == end else entry
+                for entry, match in zip(named, matches, strict=True)
+                for cell in entry[:1]
+            ]
+            found = found or _kinds_as_named(bare)
+        found = {kind: columns for kind, columns in found.items() if {"x", "dx"} & columns.keys()}
+    return found
+
+
+def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
+    names = {text for _, text, _ in named}
+    # Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one.
+    backsights = not names.isdisjoint(("backsight", "bs"))
+    for kind in ("angle", *KINDS) if backsights else KINDS:
+        columns = (columns_of(kind, _without_place(named)) if kind == "image" else None) or columns_of(kind, named)
+        if columns is not None:
+            break
+    else:
+        return {}
+    found = {kind: columns}
+    if kind == "distance" and normalised(name_and_unit(columns[kind])[0]) in NAMES.length.split("|"):
+        levelled = columns_of("height_difference", named)
+        if levelled is not None:
+            return {"height_difference": levelled}
+    for other in ("zenith_angle", *LINES) if kind == "angle" and backsights else _ALSO.get(kind, ()):
+        if other in LINES and not found.keys().isdisjoint(LINES):
+            continue
+        own = KINDS[other][0].keys() - {"from", "to"}
+        free = [entry for entry in named if entry[0] not in columns.values() or _shared(columns, entry[0])]
+        more = columns_of(other, free)
+        if more is not None and not own.isdisjoint(more):
+            found[other] = more
+    return found
+
+
+def _without_place(named: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """Columns without three that follow each other and have the names of the coordinates of a point."""
+    axes = [names.split("|") for names in _POINTS.values()]
+    for k in range(len(named) - 2):
+        if all(text in names for (_, text, _), names in zip(named[k : k + 3], axes, strict=True)):
+            return [*named[:k], *named[k + 3 :]]
+    return list(named)
+
+
+def _shared(columns: Mapping[str, str], cell: str) -> bool:
+    """True for a column that says between what, from what height or when something was measured."""
+    return any(columns.get(name) == cell for name in (*PLACES, *SIGHT, *_HEIGHTS))
+
+
+def columns_of(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
+    """Columns of a kind by their names in a project; ``None`` if one that it must have is missing."""
+    required, optional = KINDS[kind]
+    cells = dict[str, list[str]]()
+    for cell, text, _ in named:
+        cells.setdefault(text, []).append(cell)
+    columns: dict[str, str] = {}
+    for ours, others in (*required.items(), *optional.items()):
+        for name in dict.fromkeys((normalised(ours), *filter(None, others.split("|")))):
+            free = [cell for cell in cells.get(name, ()) if cell not in columns.values()]
+            if free:
+                columns[ours] = free[0]
+                break
+        else:
+            if ours in required:
+                return None
+    return columns
+
+
+def named_columns(header: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Return headings with their normalised names and units."""
+    return [(cell, *name_and_unit(cell)) for cell in header]
+
+
+def name_and_unit(cell: str) -> tuple[str, str]:
+    """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
+    if len(cell) > 200:
+        return cell, ""
+    match = _WITH_UNIT.fullmatch(cell.strip())
+    if match:
+        word = next(group for group in match.groups()[1:] if group is not None)
+        if unit := WORDS_OF_UNITS.get(word) or WORDS_OF_UNITS.get(word.strip().lower()):
+            return normalised(match[1]), unit
+    first = normalised(_ANOTHER.sub("", cell.strip()))
+    return first if first in KNOWN_NAMES and normalised(cell) not in KNOWN_NAMES else normalised(cell), ""
+
+
+def normalised(name: str) -> str:
+    """Return a heading in lower case, without blanks, accents and signs."""
+    signed = _SIGNED.fullmatch(name.strip().lower())
+    if signed:
+        return "back" if signed[1] == "+" else "fore"
+    text = unicodedata.normalize("NFKD", name.strip().lower().translate(_UMLAUTS))
+    return re.sub(r"[\W_]", "", "".join(letter for letter in text if not unicodedata.combining(letter)))
+
+
+def known_kinds() -> str:
+    """Return the kinds of tables with the columns that they must have, for a message."""
+    hidden = ("images with a camera", "images with positions")
+    kinds = {kind: required for kind, (required, _) in KINDS.items() if kind not in hidden}
+    return "known are " + "; ".join(f"{kind}: {', '.join(required)}" for kind, required in kinds.items())
+
+
+SIGMAS = {
+    "image": "{sigma: 1 um}",
+    "zenith_directions": "{sigma_horizontal: 1 mgon, sigma_zenith: 1 mgon}",
+    "directions": "{sigma: 1 mgon}",
+    "angle": "{sigma: 1 mgon}",
+    "bearing": "{sigma: 1 mgon}",
+    "zenith_angle": "{sigma: 1 mgon}",
+    "vertical_direction": "{sigma: 1 mgon}",
+    "distance": "{sigma: 2 mm}",
+    "horizontal_distance": "{sigma: 2 mm}",
+    "vector": "{sigma: 5 mm}",
+    "height_difference": "{sigma: 1 mm}",
+}
+DECIMETRE = 0.1
+"""Standard deviation in metres that no distance, levelling line or vector exceeds."""

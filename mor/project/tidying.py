@@ -1,0 +1,632 @@
+"""Rows of tables as people write them, made plain: one header, one value a cell, a station in every row."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
+from statistics import median
+from typing import NamedTuple
+
+from mor.errors import counted
+from mor.project.column_names import (
+    ANGLES,
+    AXES,
+    KINDS,
+    KNOWN_NAMES,
+    NAMES,
+    NUMBER,
+    PLACEHOLDER,
+    PLACES,
+    SIGHT,
+    TITLES,
+    WORDS_OF_UNITS,
+    ZERO,
+    Cells,
+    cell_at,
+    columns_of,
+    fits_a_table,
+    kinds_of,
+    name_and_unit,
+    named_columns,
+    normalised,
+    number_in,
+)
+
+_ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
+"""Kind and column of vertical circles that read elevations, whose columns have the same names."""
+_PARTS = tuple(
+    re.compile(f"(.*?)(?:{words})")
+    for words in (
+        "degrees?|deg|grados?|graus?|gradi|d|g",
+        "minutes?|minutos?|minuti|min|m",
+        "seconds?|segundos?|secondi|seg|sec|s",
+    )
+)
+"""Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
+_HAIRS = tuple(
+    tuple(re.compile(f"(?:hilo|fil|filo)?(?:{name})(?:hair|wire|stadia|reading|faden)?") for name in names)
+    for names in (
+        ("upper|up|top|u|t", "middle|mid|centre|center|m|c", "lower|low|bottom|bot|l|b"),
+        ("oben|ober|o", "mitte|mittel|m", "unten|unter|u"),
+        ("superior|superieur|superiore|sup|s", "medio|central|moyen|m|c", "inferior|inferieur|inferiore|inf|i"),
+    )
+)
+"""Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
+_HAIRED_NAMES = {"back": NAMES.back.split("|"), "fore": NAMES.fore.split("|"), "between": NAMES.between.split("|")}
+_STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
+"""Columns that hold for the rows below as well, until another station stands there."""
+_LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
+_PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
+_PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
+"""Headings of a quadrant bearing in columns of its own."""
+_VARIANCE = re.compile(
+    r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared)"
+    r"|(?P<before>dist|distance|dir|direction|hz|angle|dh|dz)var(?:iance)?)"
+)
+"""Headings of variances, perhaps of a coordinate or reading."""
+_HELD = re.compile(
+    r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
+)
+"""Headings of columns that say whether a point, or a coordinate of it, is fixed."""
+_OFF = re.compile(
+    r"(?:is)?(?:ignored?|reject(?:ed)?|excluded?|disabled?|omit(?:ted)?|skip(?:ped)?|outlier|unused|sluk)"
+)
+_ON = re.compile(r"(?:is)?(?:used?|active|enabled?|included?|aktiv)")
+"""Headings of columns that say which rows are not to be used, and which are."""
+_YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
+_NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
+_LEGEND = re.compile(r"([^\W_]+)\s*[\[(=:]\s*([^\W_]+)")
+"""What signs in a column mean, as its heading says: Known[n]/Unknown[u]."""
+_ROLE = re.compile("(?:point)?(?:type|status|role|class)")
+_ROLES = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new", "p": "free"}
+"""Letters of known and new points below a heading that says no more."""
+_FACES = {"": "", "1": "1", "2": "2"} | {
+    word: face
+    for face, words in (
+        ("1", "l|left|fl|faceleft|cl|i|d|direct|links"),
+        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts"),
+    )
+    for word in words.split("|")
+}
+"""Faces of an instrument by their names."""
+
+
+class TableRows(NamedTuple):
+    """Rows with one header, their lines in the file, notes on what is not read, and the title above."""
+
+    rows: Cells
+    lines: tuple[int, ...]
+    notes: tuple[str, ...] = ()
+    title: str = ""
+
+
+def of_wires(values: Sequence[float]) -> float:
+    """Return the mean of three hairs, or the reading."""
+    return sum(values[:3]) / 3 if are_wires(values) else values[min(1, len(values) - 1)]
+
+
+def are_wires(values: Sequence[float | None]) -> bool:
+    """Return whether readings are those of the upper, middle and lower wire, perhaps with their mean, or none."""
+    if len(values) not in (3, 4) or None in values[:3]:
+        return not any(values)
+    upper, middle, lower = (value or 0.0 for value in values[:3])
+    mean = values[3] or 0.0 if len(values) > 3 else middle
+    # The middle wire may be off by a tenth of the interval of the outer ones.
+    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= 0.1 * (upper - lower)
+
+
+def _without_index(rows: Cells) -> Cells:
+    """Rows without numbers that count them and have no heading, as programs print a table."""
+    header, below = (rows[0], rows[1:]) if rows else ((), ())
+    counts = [row[0].strip() for row in below if len(row) == len(header) + 1]
+    start = int(counts[0]) if counts and counts[0] in ("0", "1") else 0
+    if len(counts) < 2 or any(map(NUMBER.fullmatch, header)) or counts != [str(start + k) for k in range(len(below))]:
+        return rows
+    return (header, *(row[1:] for row in below))
+
+
+def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
+    """Return tables beside each other, each with its header in the first row."""
+    start = next((k for k, row in enumerate(rows[:TITLES]) if fits_a_table(row)), None)
+    if start is None:
+        return [TableRows(_without_index(rows), lines)]
+    found, rest, kinds = list[TableRows](), list[str](), set[str]()
+    above_it = sum(sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[:start])
+    if above_it:
+        rest.append(f"rows with numbers stand above the header: {counted(above_it, 'row')} not read")
+    for one, end in _side_by_side(rows, start):
+        cut = [tuple(cell_at(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
+        kept = [k for k, row in enumerate(cut) if not end or any(row)]
+        table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
+        kind = next(iter(kinds_of(named_columns(names))), "") if end else "alone"
+        if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
+            kinds.add(kind)
+            above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
+            title = next((cell for cell in above if cell and not PLACEHOLDER.fullmatch(cell)), "")
+            found.append(TableRows(*_first_table(table, tuple(lines[start + k] for k in kept)), title))
+        elif named := [cell for cell in names if cell and not PLACEHOLDER.fullmatch(cell)]:
+            count = counted(len(table) - 1, "row")
+            rest.append(f"another table stands beside it (columns {', '.join(named)}): {count} not read")
+    return [block._replace(notes=(*block.notes, *rest)) for block in found]
+
+
+def _side_by_side(rows: Cells, start: int) -> list[tuple[int, int]]:
+    """Columns of tables beside each other: one is named twice, and empty ones or titles above part them; or (0, 0)."""
+    header = [cell.strip() for cell in rows[start]]
+    header = ["" if PLACEHOLDER.fullmatch(cell) else cell for cell in header]
+    named = [cell for cell in header if cell]
+    if len(set(named)) == len(named):
+        return [(0, 0)]
+    above = [cell.strip() for cell in rows[start - 1]] if start else []
+    titled = [k for k, cell in enumerate(above[: len(header)]) if cell and not PLACEHOLDER.fullmatch(cell)]
+    empty = [k for k, cell in enumerate(header) if not cell and not any(cell_at(row, k) for row in rows[start + 1 :])]
+    edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
+    found = list(pairwise(edges))
+    return found if sum(bool(kinds_of(named_columns(header[one:end]))) for one, end in found) > 1 else [(0, 0)]
+
+
+def _first_table(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...], tuple[str, ...]]:
+    """Rows up to the heading of another table, each column once, angles in one column; lines, and notes on the rest."""
+    header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
+    kinds = kinds_of(named_columns(header))
+    used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
+    again = [k for k, row in enumerate(body) if repeats_header(row, header, used)]
+    bare = [k for k, row in enumerate(body) if not any(NUMBER.fullmatch(cell.strip()) for cell in row)]
+    # A row of headings that begins like the header is that of another table, even of one that is not known. One right
+    # below the header has subheadings.
+    others = [k for k in bare if k and k not in again and (fits_a_table(body[k]) or _begins_alike(body[k], header))]
+    if others:
+        names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
+        notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
+        body, lines = body[: others[0]], lines[: others[0] + 1]
+    if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
+        body = tuple(row for k, row in enumerate(body) if k not in again)
+    header, *body_rows = _without_index((header, *body))
+    header, body = _with_joined_parts(header, tuple(body_rows))
+    if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
+        notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
+        keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
+        header, body = tuple(header[k] for k in keep), tuple(tuple(cell_at(row, k) for k in keep) for row in body)
+    return (header, *body), lines, tuple(notes)
+
+
+def _begins_alike(row: tuple[str, ...], header: tuple[str, ...]) -> bool:
+    first, other = normalised(cell_at(header, 0)), normalised(cell_at(row, 0))
+    return first == other != "" and sum(bool(cell.strip()) for cell in row) > 2
+
+
+def repeats_header(row: tuple[str, ...], header: Sequence[str], used: Collection[str]) -> bool:
+    """Return whether a row has the header once more, at least its columns that are used."""
+    return all(cell_at(row, k) == cell for k, cell in enumerate(header) if cell in used)
+
+
+def _with_joined_parts(header: tuple[str, ...], body: Cells) -> tuple[tuple[str, ...], Cells]:
+    """Degrees, minutes and seconds below one heading, with two columns beside it that have none, as one column."""
+    for k in range(len(header) - 2):
+        if not header[k] or not all(not cell or PLACEHOLDER.fullmatch(cell) for cell in header[k + 1 : k + 3]):
+            continue
+        cells = [[_whole(cell_at(row, j)) for j in (k, k + 1, k + 2)] for row in body]
+        parts = [[cell or "0" for cell in three] if three[0] else three for three in cells]
+        if sum(map(all, cells)) > 1 and all(map(_is_sexagesimal, parts)):
+            angles = ("-".join(three) if any(three) else "" for three in parts)
+            below = tuple((*row[:k], angle, *row[k + 3 :]) for row, angle in zip(body, angles, strict=True))
+            return _with_joined_parts((*header[: k + 1], *header[k + 3 :]), below)
+    return header, body
+
+
+def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
+    """Rows with whole headings and without units below them, with the station in every row, and the units."""
+    if not rows or not fits_a_table(rows[0]):
+        return rows, {}
+    header, body = tuple(cell.strip() for cell in rows[0]), rows[1:]
+    merged = _with_subheadings(header, body[0]) if body else ()
+    is_merged = bool(merged) and fits_a_table(merged)
+    if is_merged:
+        header, body = merged, body[1:]
+    units = [cell.strip(" []()") for cell in body[0]] if body else []
+    stated = {}
+    known = [WORDS_OF_UNITS.get(unit) or WORDS_OF_UNITS.get(unit.lower(), "") for unit in units]
+    if any(units) and all(word for word, unit in zip(known, units, strict=True) if unit not in ("", "-")):
+        stated = {cell: unit for cell, unit in zip(header, known, strict=False) if unit}
+        body = body[1:]
+    named = named_columns(header)
+    if not kinds_of(named):
+        return _with_stations(header, body) or rows, stated
+    columns: Mapping[str, str] = next(iter(kinds_of(named).values()))
+    places = [header.index(columns[name]) for name in _STATION if name in columns]
+    body = _without_zeros_below(header, body, columns, places)
+    empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
+    if not is_merged and not stated and not any(empty[1:]):
+        return rows, {}
+    filled: list[tuple[str, ...]] = []
+    if any(empty) and "set" in KINDS[next(iter(kinds_of(named)))][1]:
+        header, body, columns = _with_set_ups(header, body, columns)
+        empty = [len(row) == len(header) and not row[places[0]].strip() for row in body]
+    for row, below in zip(body, empty, strict=True):
+        above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
+        sets = () if above is row or "set" not in columns else (header.index(columns["set"]),)
+        filled.append(
+            tuple(above[k] if k in places or (k in sets and not cell) else cell for k, cell in enumerate(row))
+        )
+    return (header, *filled), stated
+
+
+def _without_zeros_below(header: Sequence[str], body: Cells, columns: Mapping[str, str], places: list[int]) -> Cells:
+    """Rows without the name 0 of a station if it stands below another one and no sight leads to 0."""
+    targets = [header.index(columns[name]) for name in ("to", "point") if name in columns]
+    if not places or not targets or any(cell_at(row, k) == "0" for row in body for k in targets):
+        return body
+    place, first = places[0], next(iter(body), ())
+    if cell_at(first, place) in ("", "0"):
+        return body
+    return tuple((*row[:place], "", *row[place + 1 :]) if cell_at(row, place) == "0" else row for row in body)
+
+
+def _with_set_ups(
+    header: tuple[str, ...], body: Cells, columns: Mapping[str, str]
+) -> tuple[tuple[str, ...], Cells, Mapping[str, str]]:
+    """Rows below their stations with other names of sets where a station is set up once more, after another one."""
+    place, visits, last, row_visits = header.index(columns["station"]), dict[str, int](), "", list[int]()
+    for row in body:
+        name = cell_at(row, place)
+        visits[name] = visits.get(name, 0) + bool(name and name != last)
+        last = name or last
+        row_visits.append(visits.get(last, 1))
+    if max(row_visits, default=1) == 1:
+        return header, body, columns
+    if "set" not in columns:
+        header, body, columns = (*header, "set"), tuple((*row, "") for row in body), {**columns, "set": "set"}
+    k, last = header.index(columns["set"]), ""
+    rows = list[tuple[str, ...]]()
+    for row, visit in zip(body, row_visits, strict=True):
+        last = cell_at(row, k) or ("" if cell_at(row, place) else last)
+        name = last if visit == 1 else f"{last} ({visit})".strip()
+        rows.append((*row[:k], name, *row[k + 1 :]))
+    return header, tuple(rows), columns
+
+
+def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns from headings, each for several columns, and subheadings below them; empty if there are none."""
+    if any(NUMBER.fullmatch(cell.strip()) for cell in below) or len(below) != len(header):
+        return ()
+    names, group, divided = list[str](), "", False
+    parts = [name_and_unit(part.strip())[0] for part in below]
+    for cell, part, name in zip(header, below, parts, strict=True):
+        is_own = bool(cell) and not PLACEHOLDER.fullmatch(cell)
+        group = cell if is_own else group
+        divided |= bool(part) and not is_own
+        # A name of its own that no other group has needs none, as the height behind the readings of a book.
+        # Headings of up to three letters such as D, M, S and sec say nothing without the one above them.
+        is_alone = not is_own and name in KNOWN_NAMES and len(name) > 3 and parts.count(name) == 1
+        names.append((part.strip() if is_alone else f"{group} {part.strip()}") if part.strip() else cell)
+    return with_hairs(names) if divided else ()
+
+
+def _hairs(header: Sequence[str]) -> dict[str, tuple[int, int, int]]:
+    """Places of the upper, middle and lower hair of readings back, forward and between, where all three are."""
+    names, found = [name_and_unit(cell.strip())[0] for cell in header], dict[str, tuple[int, int, int]]()
+    for ours, others in _HAIRED_NAMES.items():
+        for forms in _HAIRS:
+            rest = [[name[len(other) :] for other in others if name.startswith(other)] for name in names]
+            places = [[k for k, ends in enumerate(rest) if any(map(form.fullmatch, ends))] for form in forms]
+            if all(len(one) == 1 for one in places) and len({one[0] for one in places}) == len(places):
+                found.setdefault(ours, (places[0][0], places[1][0], places[2][0]))
+    return found
+
+
+def with_hairs(header: Sequence[str]) -> tuple[str, ...]:
+    """Header of a levelling book in which the hairs of readings have names that are known, and their units."""
+    cells = list(header)
+    for ours, places in _hairs(header).items():
+        for k, hair in zip(places, ("upper", "middle", "lower"), strict=True):
+            unit = name_and_unit(cells[k].strip())[1]
+            cells[k] = f"{ours} {hair} [{unit}]" if unit else f"{ours} {hair}"
+    return tuple(cells if columns_of("levelling", named_columns(cells)) else header)
+
+
+def with_whole_readings(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows with the mean of three hairs in columns beside each other, and 100 times their interval; and a note on it.
+
+    Where the middle hair is not the mean of the others in every row, it alone is the reading.
+    """
+    hairs = _hairs(rows[0]) if rows else {}
+    read = {ours: [[number_in(cell_at(row, k)) for k in places] for row in rows[1:]] for ours, places in hairs.items()}
+    if not {"back", "fore"} <= read.keys() or not all(are_wires(one) for found in read.values() for one in found):
+        return rows, ()
+    unit = name_and_unit(rows[0][hairs["back"][1]].strip())[1]
+    ends = {"back": "back_distance", "fore": "fore_distance"}
+    header = [f"{name} [{unit}]" if unit else name for name in (*read, *ends.values())]
+    left = {k for places in hairs.values() for k in places}
+    lines = [(*(cell for k, cell in enumerate(rows[0]) if k not in left), *header)]
+    for k, row in enumerate(rows[1:]):
+        three = {ours: [value for value in found[k] if value is not None] for ours, found in read.items()}
+        means = [f"{sum(values) / 3:.9g}" if values else "" for values in three.values()]
+        sights = (three["back"], three["fore"] or three.get("between", []))
+        far = [f"{100.0 * (values[0] - values[2]):.9g}" if values else "" for values in sights]
+        full = (*row, *[""] * (len(rows[0]) - len(row)))
+        lines.append((*(cell for k, cell in enumerate(full) if k not in left), *means, *far))
+    count = sum(any(one[0] is not None for one in found) for found in zip(*read.values(), strict=True))
+    return tuple(lines), (f"three wires at {counted(count, 'point')}: their mean, and 100 times their interval",)
+
+
+def with_whole_angles(rows: Cells) -> Cells:
+    """Return rows with degrees, minutes and seconds of columns of their own in one."""
+    for k, row in enumerate(rows[:TITLES]):
+        names = [_bare_name(cell) for cell in row]
+        for j in range(len(row) - 2):
+            if quadrant := _PARTS_OF_QUADRANT.match(" ".join(names[j:])):
+                end = j + len(quadrant[0].split())
+                bearings = (
+                    f"{line[j]} {'-'.join(map(_whole, line[j + 1 : end - 1]))} {line[end - 1]}"
+                    if len(line) >= end and any(line[j:end])
+                    else ""
+                    for line in rows[k + 1 :]
+                )
+                below = ((*ln[:j], text, *ln[end:]) for ln, text in zip(rows[k + 1 :], bearings, strict=True))
+                return with_whole_angles((*rows[:k], (*row[:j], "bearing", *row[end:]), *below))
+            found = [form.fullmatch(name) for form, name in zip(_PARTS, names[j : j + 3], strict=True)]
+            before = {match[1] for match in found if match}
+            if None in found or len(before) > 1:
+                continue
+            cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
+            name = before.pop()
+            if not name and len(names[j]) == 1 and names[j].isalpha() and not all(map(_is_sexagesimal, cells)):
+                continue
+            if not name:
+                header = (*row[:j], "angle", *row[j + 3 :])
+                name = "angle" if columns_of("angle", named_columns(header)) else "direction"
+            parts = ("-".join(cell or "0" for cell in three) if any(three) else "" for three in cells)
+            joined = (
+                (*line[:j], angle, *line[j + 3 :]) if len(line) > j + 2 else line
+                for line, angle in zip(rows[k + 1 :], parts, strict=True)
+            )
+            return with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
+    return rows
+
+
+def without_packed_angles(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows with d-m-s for angles in degrees, minutes and seconds behind one point, as 12.3456; and a note on them.
+
+    Of other angles one in three has minutes and seconds below 60 in this sense.
+    """
+    header, body, notes = tuple(cell.strip() for cell in rows[0]) if rows else (), rows[1:], list[str]()
+    places = {
+        cell for columns in kinds_of(named_columns(header)).values() for name, cell in columns.items() if name in ANGLES
+    }
+    for k in (k for k, cell in enumerate(header) if cell in places):
+        cells = [_PACKED.fullmatch(cell_at(row, k).replace(",", ".")) for row in body]
+        digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
+        long = {text for text in digits if len(text.rstrip("0")) > 2}
+        numbers = [cell_at(row, k) for row in body if NUMBER.fullmatch(cell_at(row, k))]
+        # Twelve different angles tell d.mmss: in others all minutes and seconds are below 60 once in 200 000 tables.
+        if len(long) < 12 or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
+            continue
+        texts = []
+        for row, match in zip(body, cells, strict=True):
+            rest = (match["rest"] or "").ljust(4, "0") if match else ""
+            seconds = f"{rest[2:4]}.{rest[4:]}".rstrip(".")
+            texts.append(f"{match['whole']}-{rest[:2]}-{seconds}" if match else cell_at(row, k))
+        rows = _replaced(rows, k, header[k], texts)
+        body = rows[1:]
+        notes.append(f"column {header[k]!r}: degrees, minutes and seconds as d.mmss")
+    return rows, tuple(notes)
+
+
+def _is_sexagesimal(cells: Sequence[str]) -> bool:
+    """Return whether three cells are degrees, minutes and seconds, or empty."""
+    if not any(cells):
+        return True
+    if not all(map(NUMBER.fullmatch, cells)):
+        return False
+    minutes, seconds = (float(cell.replace(",", ".")) for cell in cells[1:])
+    return minutes.is_integer() and 0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0
+
+
+def without_switched_off(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows without those that a column of yes and no leaves out, and a note on them."""
+    header, body = (rows[0], rows[1:]) if rows else ((), ())
+    kinds = kinds_of(named_columns([cell.strip() for cell in header]))
+    for k, name in enumerate(map(normalised, header)):
+        cells = [normalised(cell_at(row, k)) or cell_at(row, k) for row in body]
+        if not kinds or any(kind.startswith("points") for kind in kinds) or not set(cells) <= _YES | _NO:
+            continue
+        if _OFF.fullmatch(name) or _ON.fullmatch(name):
+            unwanted = _YES if _OFF.fullmatch(name) else _NO
+            kept = tuple(row for row, cell in zip(body, cells, strict=True) if cell not in unwanted)
+            words = f"rows that the column {header[k].strip()} leaves out: {counted(len(body) - len(kept), 'row')}"
+            return ((header, *kept), (words,)) if 0 < len(kept) < len(body) else (rows, ())
+    return rows, ()
+
+
+def without_empty_readings(rows: Cells) -> Cells:
+    """Rows without names of columns of readings that are empty in each row: of forms that have one for each kind."""
+    while len(rows) > 1:
+        header = [cell.strip() for cell in rows[0]]
+        places = {
+            header.index(cell)
+            for kind, columns in kinds_of(named_columns(header)).items()
+            if not kind.startswith(("points", "images", "stations", "levelling"))
+            for name, cell in columns.items()
+            if (name in KINDS[kind][0] and name not in (*PLACES, "image")) or name.startswith("sigma")
+        }
+        listed = kinds_of(named_columns(header)).get("points", {})
+        plan = {header.index(listed[axis]) for axis in "xy" if axis in listed}
+        empty = {k for k in places | plan if not any(cell_at(row, k) for row in rows[1:])}
+        empty -= plan if not plan <= empty or "z" not in listed else set()
+        if not empty:
+            break
+        rows = (tuple(f"column{k + 1}" if k in empty else cell for k, cell in enumerate(rows[0])), *rows[1:])
+    return rows
+
+
+def with_sigmas(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows with standard deviations for variances, and with 0 for those that a column of yes and no holds fixed.
+
+    Where it does, standard deviations of the other points are of former results, and a note says that they are not
+    used.
+    """
+    header, body = (rows[0], rows[1:]) if rows else ((), ())
+    names = [normalised(cell) for cell in header]
+    for k, name in enumerate(names):
+        match = _VARIANCE.fullmatch(name)
+        cells = [cell_at(row, k).replace(",", ".") for row in body]
+        others = {"sigma", "sigma1"}.intersection(names)
+        if match and not others and all(NUMBER.fullmatch(cell) and cell[0] != "-" for cell in cells if cell):
+            roots = [f"{math.sqrt(float(cell)):.9g}" if cell else "" for cell in cells]
+            of = match["of"] or match["behind"] or match["before"] or ""
+            rows = _replaced(rows, k, f"sigma_{of}" if of else "sigma", roots)
+    kinds = kinds_of(named_columns([cell.strip() for cell in header]))
+    points = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
+    former = [[cell.strip() for cell in header].index(points[name]) for name in points if name.startswith("sigma")]
+    notes: tuple[str, ...] = ()
+    for k, name in enumerate(names if points else ()):
+        match, signs = _HELD.fullmatch(name), dict[str, str]()
+        if len(legend := _LEGEND.findall(header[k])) > 1:
+            signs = {normalised(sign): normalised(word) for word, sign in legend}
+        elif _ROLE.fullmatch(name):
+            signs = _ROLES
+        cells = [normalised(cell_at(row, k)) or cell_at(row, k) for row in body]
+        cells = [signs.get(cell, cell) for cell in cells]
+        axis_named = match["axis"] if match else ""
+        axes = [axis for axis in "xyz" if axis in points and (axis_named or axis) in AXES[axis]]
+        is_told = match or (signs and any(cell.isalpha() and cell in _NO for cell in cells))
+        if is_told and axes and _YES & set(cells) and set(cells) <= _YES | _NO:
+            for place in former:
+                notes = ("standard deviations beside a column that says what is fixed are not used",)
+                rows = _replaced(rows, place, f"column{place + 1}", [cell_at(row, place) for row in rows[1:]])
+            zeros = ["0" if cell in _YES else "" for cell in cells]
+            rows = _replaced(rows, k, f"sigma_{axes[0]}", zeros)
+            for axis in axes[1:]:
+                rows = tuple((*row, cell) for row, cell in zip(rows, (f"sigma_{axis}", *zeros), strict=True))
+    return rows, notes
+
+
+def with_faces(rows: Cells) -> Cells:
+    """Rows with 1 and 2 for faces that are letters or words."""
+    header, body = (rows[0], rows[1:]) if rows else ((), ())
+    for k, name in enumerate(map(normalised, header)):
+        cells = [normalised(cell_at(row, k)) for row in body]
+        if name in SIGHT["face"].split("|") and any(cells) and set(cells) <= _FACES.keys():
+            rows = _replaced(rows, k, header[k], [_FACES[cell] for cell in cells])
+    return rows
+
+
+def with_targets(rows: Cells) -> Cells:
+    """Rows in face 2 with the target of the row above in face 1, if they have none of their own."""
+    header, body = ([cell.strip() for cell in rows[0]], rows[1:]) if rows else ([], ())
+    columns = next(
+        (columns for columns in kinds_of(named_columns(header)).values() if "face" in columns and "to" in columns), {}
+    )
+    if not columns:
+        return rows
+    face, to = header.index(columns["face"]), header.index(columns["to"])
+    cells = [cell_at(row, to) for row in body]
+    for k, (above, row) in enumerate(pairwise(body), start=1):
+        if not cells[k] and (cell_at(above, face), cell_at(row, face)) == ("1", "2"):
+            cells[k] = cells[k - 1]
+    return rows if cells == [cell_at(row, to) for row in body] else _replaced(rows, to, rows[0][to], cells)
+
+
+def with_station(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows of directions with a column for their station if there is none, as for one set-up; and a note on it."""
+    named = named_columns([cell.strip() for cell in rows[0]]) if rows else []
+    if not named or kinds_of(named) or columns_of("directions", [("station", "station", ""), *named]) is None:
+        return rows, ()
+    below = (("station", *row) for row in rows[1:])
+    return (("station", *rows[0]), *below), ("no column names the station of the readings: it is called 'station'",)
+
+
+def without_zeros(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows without coordinates that are all 0 if several points have such: they are none. And a note on it."""
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    kinds = kinds_of(named_columns(header))
+    columns = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
+    places = [header.index(columns[axis]) for axis in "xyz" if axis in columns]
+    if len(places) < 2:
+        return rows, ()
+    bare = [
+        row
+        for row in rows[1:]
+        if all(ZERO.fullmatch(cell_at(row, k)) for k in places) and any(cell_at(row, k) for k in places)
+    ]
+    if len(bare) < 2:
+        return rows, ()
+    kept = tuple(
+        tuple("" if k in places else cell for k, cell in enumerate(row)) if row in bare else row for row in rows[1:]
+    )
+    return (rows[0], *kept), (f"coordinates that are all 0 are none: {counted(len(bare), 'point')}",)
+
+
+def without_zero_readings(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows without the 0 of a direction or a distance if each row has one of them: it was not measured."""
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    kinds = kinds_of(named_columns(header))
+    pairs = []
+    for name in ("horizontal", "distance"):
+        columns = next((columns for columns in kinds.values() if name in columns), {})
+        pairs.append([header.index(columns[part]) for part in (name, "sigma") if part in columns])
+    if not all(pairs):
+        return rows, ()
+    body, zeros = list(rows[1:]), [[bool(ZERO.fullmatch(cell_at(row, pair[0]))) for pair in pairs] for row in rows[1:]]
+    counts = [sum(column) for column in zip(*zeros, strict=True)]
+    if min(counts, default=0) < 1 or sum(counts) < 3 or not all(one != other for one, other in zeros):
+        return rows, ()
+    for number, (row, zero) in enumerate(zip(rows[1:], zeros, strict=True)):
+        gone = {place for pair, none in zip(pairs, zero, strict=True) if none for place in pair}
+        body[number] = tuple("" if k in gone else cell for k, cell in enumerate(row))
+    return (rows[0], *body), (f"readings of 0 beside another reading are none: {counted(sum(counts), 'row')}",)
+
+
+def _replaced(rows: Cells, place: int, name: str, cells: Sequence[str]) -> Cells:
+    """Rows with another name and other cells in one column; rows that are too short are filled up."""
+    width = len(rows[0])
+    full = ((*row, *[""] * (width - len(row))) for row in rows)
+    return tuple((*row[:place], cell, *row[place + 1 :]) for row, cell in zip(full, (name, *cells), strict=True))
+
+
+def _bare_name(cell: str) -> str:
+    signs = {"°": "deg", "º": "deg", "''": "sec", '"': "sec", "″": "sec", "'": "min", "′": "min"}
+    text = cell.strip().lower()
+    for sign, word in signs.items():
+        text = text.replace(sign, word)
+    return normalised(text)
+
+
+def _whole(cell: str) -> str:
+    """Part of an angle without the ``.0`` of spreadsheets."""
+    return re.sub(r"[.,]0+$", "", cell.strip())
+
+
+def _with_stations(header: tuple[str, ...], rows: Cells) -> Cells:
+    """Rows of sights with the stations, which stand in rows of their own without readings; empty if none does."""
+    kind, columns = next(iter(kinds_of([*named_columns(header), ("", "station", "")]).items()))
+    places = {name: header.index(cell) for name, cell in columns.items() if cell}
+    readings = [places[name] for name in KINDS[kind][0] if name in places and name != "to"]
+    height = places.get("station_height", places.get("from_height"))
+    station, found = ("", ""), list[tuple[str, ...]]()
+    for cells in rows:
+        row = (*cells, *[""] * (len(header) - len(cells)))
+        if "to" in places and not any(row[place].strip() for place in readings):
+            station = row[places["to"]], "" if height is None else row[height]
+        elif not station[0]:
+            return ()
+        else:
+            found.append((station[0], *(cell or station[1] if k == height else cell for k, cell in enumerate(row))))
+    return (("station", *header), *found) if found else ()
+
+
+def tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Change kinds of zenith angles, in place, to those of elevations where the readings are such."""
+    for kind, (other, column) in _ELEVATIONS.items():
+        old = "zenith" if kind == "zenith_directions" else kind
+        if kind not in kinds:
+            continue
+        place = header.index(kinds[kind][old])
+        cells = (row[place].strip().replace(",", ".") for row in rows if len(row) > place)
+        values = [abs(float(match[0])) for match in map(_LEADING.match, cells) if match]
+        # The median of zenith angles is larger than 45 degrees or gon, that of elevations is smaller.
+        if values and median(values) < 45.0:
+            columns = kinds.pop(kind)
+            kinds[other] = {column if name == old else name: cell for name, cell in columns.items()}
