@@ -293,11 +293,10 @@ def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float
     }.get(table.kind)
     if names is None:
         return None
-    before: tuple[str, float, float] | None = None
-    apart = list[float]()
-    sets = table.texts("set") or [""] * len(table.rows)
+    before, apart = dict[tuple[str, ...], tuple[float, float]](), list[float]()
+    sets, faces = (table.texts(name) or [""] * len(table.rows) for name in ("set", "face"))
     full = {"deg": 360.0, "gon": 400.0}.get(table.units.get(names[3], ""), full)
-    for at, start, end, text, number in zip(*map(table.texts, names), sets, strict=False):
+    for at, start, end, text, *circle in zip(*map(table.texts, names), sets, faces, strict=False):
         value = _turn(text.replace(",", ".") if table.decimal_comma else text, full)
         if value is None or not {at, start, end} <= places.keys() or places[at] == places[end]:
             continue
@@ -310,9 +309,10 @@ def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float
         elif table.kind == "bearing":
             apart.append(value - (ahead if sense > 0 else 0.25 - ahead))
         else:
-            last, before = before, (f"{at} {number}", value, ahead)
-            if last is not None and last[0] == before[0]:
-                apart.append(before[1] - last[1] - sense * (ahead - last[2]))
+            last = before.get((at, *circle))
+            before[at, *circle] = value, ahead
+            if last is not None:
+                apart.append(value - last[0] - sense * (ahead - last[1]))
     return median(abs((size + 0.5) % 1.0 - 0.5) for size in apart) if apart else None
 
 
