@@ -183,7 +183,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{NAMES.standard_deviation}",
-            "length": f"km|lengthkm|skm|l|{NAMES.length}",
+            "length": f"km|lengthkm|skm|l|s|{NAMES.length}",
             "epoch": "epoch|epoche",
         },
     ),
@@ -353,7 +353,8 @@ def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str
     else:
         return {}
     found = {kind: columns}
-    if kind == "distance" and normalised(name_and_unit(columns[kind])[0]) in NAMES.length.split("|"):
+    name, unit = name_and_unit(columns.get("distance", ""))
+    if kind == "distance" and (name in NAMES.length.split("|") or unit == "km"):
         levelled = columns_of("height_difference", named)
         if levelled is not None:
             return {"height_difference": levelled}

@@ -690,8 +690,7 @@ def tie_by_observations(
     search = _search(target, source, scene, sides, rows, common, middle)
     if told < search.unknowns - search.stance.unknowns + redundant - (3 if not len(common) else 0):
         return None
-    search = standing(search._replace(sights=_sights(scene, sides)).compressed())
-    return _remembered(search, told, redundant, scene.tied)
+    return _remembered(search._replace(sights=_sights(scene, sides)).compressed(), told, redundant, scene.tied)
 
 
 def _remembered(
@@ -704,6 +703,7 @@ def _remembered(
     key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
     if key not in tied and observations * (len(tied) + 1) <= SEARCHED:
         with np.errstate(all="ignore"):
+            search = standing(search)
             tied[key] = _judged(search, minima(search, starts(search)), redundant)
     return tied.get(key)
 

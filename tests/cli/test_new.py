@@ -662,6 +662,8 @@ FORM = "from,to,HzD,HzM,HzS,HD,SD,dh,sd_Hz,sd_dist,sd_dh\n"
             ["rows that the column ignore leaves out: 1 row", "beside a column that says what is fixed are not used"],
             ["column3: null"],
         ),
+        # the length of a levelling line
+        ({"o": "from,to,dh,s (Km)\nA,B,1,0.3\n"}, ["o.csv: height_difference, 1 row"], ["length: km"]),
         # σ in radians
         ({"o": "at,from,to,angle,sigma\nA,B,C,30.5,2.4e-05\n"}, ["angle, 1 row"], ["sigma: rad"]),
         # directions that begin anew near 360 are degrees
