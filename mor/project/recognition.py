@@ -47,6 +47,7 @@ from mor.project.tidying import (
     tidied_rows,
     with_faces,
     with_hairs,
+    with_image,
     with_sigmas,
     with_station,
     with_targets,
@@ -198,10 +199,14 @@ def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
     numbers = [any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in cells.rows]
     start = numbers.index(True) if True in numbers else len(numbers)
     body = cells.rows[start:]
-    width = max(map(len, body), default=0)
-    if len(names) > width:
-        words = f"found {width} columns, expected {len(names)} as --columns names them ({', '.join(names)})"
-        raise InputError([Message(words, str(path), cells.lines[start] if body else 0)])
+    widths = [max((k for k, cell in enumerate(row, start=1) if cell.strip()), default=0) for row in body]
+    width = max(widths, default=0)
+    is_wider = min(widths, default=0) > len(names)  # columns behind those that have names are not used
+    fits = [len(row) >= len(names) >= own or is_wider for row, own in zip(body, widths, strict=True)]
+    if not all(fits) or not body:
+        found, line = (widths[fits.index(False)], cells.lines[start + fits.index(False)]) if body else (0, 0)
+        words = f"found {found} columns, expected {len(names)} as --columns names them ({', '.join(names)})"
+        raise InputError([Message(words, str(path), line)])
     unused = (f"column{k}" for k in range(1, width + 1))
     header = tuple(own if own not in ("", "-") else other for own, other in zip_longest(names, unused, fillvalue=""))
     lines = (cells.lines[max(start - 1, 0)], *cells.lines[start:])
@@ -218,9 +223,10 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
     tidy, zeros = without_zeros(with_targets(with_faces(tidy)))
     tidy, none = without_zero_readings(tidy)
     tidy, alone = with_station(tidy)
+    tidy, single = with_image(tidy)
     is_encoded = cells.encoding in CODE_PAGES
     encoded: tuple[str, ...] = (not_utf8(cells.encoding),) if is_encoded else ()
-    encoded += (*block.notes, *off, *wires, *packed, *held, *zeros, *none, *alone)
+    encoded += (*block.notes, *off, *wires, *packed, *held, *zeros, *none, *alone, *single)
     parts = _parts(tidy, path)
     return [
         table._replace(

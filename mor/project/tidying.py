@@ -538,6 +538,21 @@ def with_station(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     return (("station", *rows[0]), *below), ("no column names the station of the readings: it is called 'station'",)
 
 
+def with_image(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
+    """Rows of x, y beside X, Y, Z with columns for their image and their points, as for one image; and a note on it."""
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    if not {"x", "y", "X", "Y", "Z"} <= set(header) or "image" in kinds_of(named_columns(header)):
+        return rows, ()
+    own = (columns_of("image", named_columns(["image", *header])) or {}).get("point", "")
+    names = [cell_at(row, header.index(own)) for row in rows[1:]] if own else []
+    added = ("image",) if own else ("image", "point")
+    if len(set(names)) < len(names) or "image" not in kinds_of(named_columns([*added, *header])):
+        return rows, ()
+    below = (("image", *(() if own else (str(k),)), *row) for k, row in enumerate(rows[1:], start=1))
+    words = "no column names the image of the points: it is called 'image'"
+    return ((*added, *rows[0]), *below), (words,) if own else (words, "points without names are numbered")
+
+
 def without_zeros(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     """Rows without coordinates that are all 0 if several points have such: they are none. And a note on it."""
     header = [cell.strip() for cell in rows[0]] if rows else []

@@ -588,7 +588,10 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
     [
         ("a,b,c\n1,2,3\n", "no line has the names of the columns of a known table"),
         ("n,dist\n1,2,9\nA,P1,P2\n31.1\nP1,A,0.893,15\nA,P2,9.125,20\n", "no line has the names of the columns"),
-        ("point,x,y,X,Y,Z\nP1,-86,-68,365,252,21\nP2,-53,82,376,313,7\n", "need a column with the name of their image"),
+        (
+            "point,x,y,X,Y,Z\nP1,-86,-68,365,252,21\nP1,-53,82,365,252,21\n",
+            "need a column with the name of their image",
+        ),
         ("1,2,3\n", "expected a header"),
         ("1;2;3,5;0.5\n2;4;3,5;0.5\n", "two names and numbers, like observations of JAG3D; expected a header"),
         ("", "expected a header"),
@@ -688,6 +691,20 @@ def test_tables_of_other_programs(
     told, text = capsys.readouterr().err, project.read_text(encoding="utf-8")
     assert [words for words in said if words not in told] == []
     assert [words for words in written if words not in text] == []
+
+
+def test_lines_that_do_not_fit_the_named_columns_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "t.txt").write_text("1 3\nE D -2957.1 -3035.5 1836.3\n")
+    given = ["new", str(tmp_path / "n.yaml"), str(tmp_path / "t.txt"), "--columns", "t.txt", "from,to,dx,dy,dz"]
+    assert run(given) == 2
+    assert "t.txt:1: found 2 columns, expected 5" in capsys.readouterr().err
+
+
+def test_the_points_of_one_image_need_no_names(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "t.csv").write_text("x,y,X,Y,Z\n-1,2,10,20,3\n5,6,30,20,4\n7,-8,30,50,2\n-3,-7,10,50,4\n")
+    assert run(["new", str(tmp_path / "n.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert "it is called 'image'" in capsys.readouterr().err
+    assert (tmp_path / "n_t.csv").read_text().splitlines()[:2] == ["image,point,x,y,X,Y,Z", "image,1,-1,2,10,20,3"]
 
 
 def test_the_row_in_face_2_has_the_target_above_it(tmp_path: Path) -> None:
