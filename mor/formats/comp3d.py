@@ -7,8 +7,11 @@ Lengths are in m, angles in gon, clockwise from north. A line of ``.cor``: code,
 A line of ``.obs``: code, origin, target, value, σ, part of σ that depends on the distance, heights of instrument and
 target. Codes: 1 and 3 slope distance, 4 height difference, 5 circle reading of the round that 7 begins, 6 zenith
 angle, 8 azimuth, 9 centring in plan (differences 0; σ of E, then of N), 14 and 15 difference of E and N. A negative
-code or σ switches an observation off. σ of a length is a + b s, that of an angle a + b / s rad, with b in m. ``@file``
-reads another file.
+code or σ switches an observation off. σ of a length is a + b s, that of an angle a + b / s rad, with b in m; s is the
+spatial distance, and in horizontal angles of versions before 5.23 the horizontal one. ``@file`` reads another file.
+
+A point that is in no ``.cor`` file and has observations in plan alone has two dimensions; its height is that of a
+station that sees it.
 
 ``11 origin @file [V [K]]``: coordinates in a frame that is at the origin, levelled (V or 1) or not, with σ times K; a
 line of the file has name, x, y, z, and σ, σ and its part by distance, or σ of x, y, z, this part, height of target.
@@ -28,6 +31,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from math import hypot, pi, radians
 from pathlib import Path
@@ -72,6 +76,9 @@ _SETTING = re.compile(
     r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
     r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
 )
+_VERSION = re.compile(r'"COMP3D_VERSION"\s*:\s*"[^"]*?v(\d+)\.(\d+)')
+_SPATIAL = (5, 23)
+"""The first version in which σ of a horizontal angle depends on the spatial distance."""
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _ON_A_SPHERE = {8: "azimuths (8)"} | {code: f"differences of plan coordinates ({code})" for code in (9, 14, 15)}
 """Codes that a project in a projection cannot have here: their north is that of the project's centre."""
@@ -86,15 +93,17 @@ def read_comp3d(path: Path) -> Document:
     draft = Draft(str(path))
     reader = _Reader(draft)
     settings: dict[str, str] = {}
-    if path.suffix.lower() == ".comp":
-        text = "\n".join(read_lines(path, draft))
+    project = path if path.suffix.lower() == ".comp" else _project_beside(path, draft)
+    if project is not None:
+        text = "\n".join(read_lines(project, draft))
         settings = dict(_SETTING.findall(text))
+        version = _VERSION.search(text)
+        reader.horizontal = version is not None and (int(version[1]), int(version[2])) < _SPATIAL
         try:
-            named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
+            files = _named_files(project, text)
             reader.settings(settings)
         except ValueError as error:
-            raise InputError([Message(str(error), str(path))]) from None
-        files = {kind: path.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)}
+            raise InputError([Message(str(error), str(project))]) from None
     else:
         files = {kind: _beside(path, kind) for kind in ("COR", "OBS")}
     for kind, read in (("COR", reader.point), ("OBS", reader.observation)):
@@ -103,8 +112,46 @@ def read_comp3d(path: Path) -> Document:
             words = f"found no .{kind.lower()} file that belongs to it, expected one of the same name beside it"
             raise InputError([Message(words, str(path))])
         reader.file(file, read)
+    reader.adjusted = _adjusted(files["COR"].with_suffix(".new"))
     reader.finish(path.stem, settings)
     return draft.finish()
+
+
+def _named_files(project: Path, text: str) -> dict[str, Path]:
+    """The files that a project names, by kind. Raises ``ValueError``."""
+    named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
+    return {kind: project.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)}
+
+
+def _project_beside(path: Path, draft: Draft) -> Path | None:
+    """The project in the folder of an ``.obs`` or ``.cor`` file that names it; of several, that of the same name."""
+    found = []
+    for other in sorted(path.parent.iterdir()):
+        if other.suffix.lower() == ".comp":
+            try:
+                files = _named_files(other, "\n".join(read_lines(other, Draft(str(other)))))
+            except (InputError, ValueError):
+                continue
+            if path.resolve() in (file.resolve() for file in files.values()):
+                found.append(other)
+    same = [other for other in found if other.stem == path.stem]
+    if len(same or found) > 1:
+        names = ", ".join(other.name for other in found)
+        draft.note(f"{names} name this file: none of them is read. To read one of them, give its name instead")
+        return None
+    return [*same, *found, None][0]
+
+
+def _adjusted(path: Path) -> dict[str, list[float]]:
+    """The coordinates that Comp3D has adjusted (``.new``: name, E, N, h, and σ), none if the file does not exist."""
+    found = {}
+    if path.is_file():
+        for _, words in _words(path, Draft(str(path))):
+            with suppress(ValueError):
+                name, *place = words[0], *map(parse_number, words[1:4])
+                if len(place) > 2:
+                    found[name] = place
+    return found
 
 
 def _beside(path: Path, kind: str) -> Path | None:
@@ -148,11 +195,15 @@ class _Reader:
     points: dict[str, _Point] = field(default_factory=dict)
     ignored: set[str] = field(default_factory=set)
     observations: list[tuple[int, list[str], int, str]] = field(default_factory=list)
+    adjusted: dict[str, list[float]] = field(default_factory=dict)
+    """Coordinates of an adjustment by Comp3D, for the parts of σ that depend on the distance."""
     refraction: float = _REFRACTION
     centre: list[float] = field(default_factory=list)
     """East, north and height of the centre of the local frame, empty if unknown."""
     frames: list[_Frame] = field(default_factory=list)
     skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+    horizontal: bool = False
+    """Whether σ of horizontal angles depends on the horizontal distance."""
     radius: float = EARTH_RADIUS
     sphere: LocalSphere | None = None
     """Of a project without a projection."""
@@ -227,7 +278,8 @@ class _Reader:
         draft.put("units", {"length": "m", "angle": "gon"})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
         if not settings:
-            draft.note(f"no .comp file says the coefficient of refraction: {_REFRACTION} is Comp3D's default")
+            words = f"no .comp file that is read says the coefficient of refraction: {_REFRACTION} is Comp3D's default"
+            draft.note(words)
         draft.put("instruments", {"comp3d": {"refraction": repr(self.refraction)}})
         projected = settings.get("use_proj") == "true"
         if projected:
@@ -259,7 +311,8 @@ class _Reader:
         centre = self.centre
         if len(centre) < 2:
             centre = self._mean_place(self.points)
-            self.draft.note("no .comp file says the centre of the local frame: the mean of the points is taken")
+            words = "no .comp file that is read says the centre of the local frame: the mean of the points is taken"
+            self.draft.note(words)
         origin = {"x": repr(centre[0]), "y": repr(centre[1]), "z": "0"}
         latitude = settings.get("center_latitude")
         self.sphere = LocalSphere(self.radius, (centre[0], centre[1], 0.0))
@@ -280,7 +333,7 @@ class _Reader:
 
     def _tables(self, projected: bool) -> dict[str, list[Row]]:
         """Rows of observations by type; the stations of directions are their points."""
-        distances = self._distances()
+        distances, in_plan = self._distances()
         tables: dict[str, list[Row]] = {type_: [] for type_ in _COLUMNS}
         rounds: dict[str, int] = {}
         for code, words, line, file in self.observations:
@@ -304,7 +357,8 @@ class _Reader:
             if code == 9:
                 tables["vector"] += self._centring(origin, target, a, b or a, line, file)
                 continue
-            length = distances.get((origin, target)) or distances.get((target, origin))
+            lengths = in_plan if self.horizontal and code in (5, 7, 8) else distances
+            length = lengths.get((origin, target)) or lengths.get((target, origin))
             if b and not length:
                 self.leave_out("parts of σ that depend on an unknown distance", line, file)
             elif length:
@@ -395,17 +449,22 @@ class _Reader:
         sigmas = [sigma if sigma > 0.0 else None for sigma in (east, north)]
         return [_row([origin, target, *at, *sigmas], line)] if any(sigmas) else []
 
-    def _distances(self) -> dict[tuple[str, str], float]:
-        """Distances between points: measured ones, else those between the coordinates of the file."""
-        found = {}
-        for _, words, *_ in self.observations:
-            one, other = (self.points.get(name) for name in words[1:3])
-            if one is not None and other is not None:
-                found[words[1], words[2]] = hypot(*(p - q for p, q in zip(one.place, other.place, strict=True)))
+    def _distances(self) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+        """Distances between points: measured ones, else those between coordinates, adjusted ones if there are any.
+
+        The second value has the horizontal ones: between coordinates, else measured.
+        """
+        places = {name: point.place for name, point in self.points.items()} | self.adjusted
+        between, in_plan, measured = {}, {}, {}
         for code, words, *_ in self.observations:
+            names = (words[1], words[2])
+            one, other = (places.get(name) for name in names)
+            if one is not None and other is not None:
+                difference = [p - q for p, q in zip(one, other, strict=True)]
+                between[names], in_plan[names] = hypot(*difference), hypot(*difference[:2])
             if code in (1, 3) and _is_number(words[3]):
-                found[words[1], words[2]] = found[words[2], words[1]] = parse_number(words[3])
-        return found
+                measured[names] = measured[names[::-1]] = parse_number(words[3])
+        return between | measured, measured | in_plan
 
     def _put_points(self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool) -> None:
         draft = self.draft
@@ -438,14 +497,46 @@ class _Reader:
             draft.table("points", columns, rows, other, fixed=list(held) or None, units=units)
         if flat:
             draft.note(f"{counted(flat, 'point')} without an observation of the height: their heights are held")
-        rest = sorted((used | in_frames) - self.points.keys())
+        rest = (used | in_frames) - self.points.keys()
+        rest -= self._put_heights(tables, used - with_height - self.points.keys(), projected)
         if rest:
-            draft.table("points", ("id",), [Row([name], 0) for name in rest])
+            draft.table("points", ("id",), [Row([name], 0) for name in sorted(rest)])
         stations = sorted({str(row.cells[0]) for row in tables["directions"]})
         if stations:
             draft.table("stations", ("id", "point"), [Row([name, name], 0) for name in stations])
         if free or not datum:
             draft.put("datum", "free")
+
+    def _put_heights(self, tables: dict[str, list[Row]], names: set[str], projected: bool) -> set[str]:
+        """Hold the heights of points with observations in plan alone at that of a station or target.
+
+        Returns the points that are written with them.
+        """
+        pairs = [_ends(row) for type_ in ("directions", "bearing", "vector") for row in tables[type_]]
+        rays = Counter(pair for ends in set(pairs) for pair in ends)
+        known = {name: point.place[2] for name, point in self.points.items()}
+        found: dict[str, float] = {}
+        n_found = -1
+        while len(found) > n_found:
+            n_found = len(found)
+            for one, other in pairs:
+                for name, neighbour in ((other, one), (one, other)):
+                    if name in names and name not in known and rays[name] > 1 and neighbour in known:
+                        known[name] = found[name] = known[neighbour]
+        if not found:
+            return set()
+        if projected:
+            rows = [_row([name, height, _FIXED], 0) for name, height in found.items()]
+            self.draft.table("observations", ("point", "height", "sigma"), rows, type="ellipsoidal_height")
+        else:
+            rows = [_row([name, height], 0) for name, height in found.items()]
+            self.draft.table("points", ("id", "z"), rows, fixed=["z"])
+        points = counted(len(found), "point")
+        words = "it gets the height of a point at the other end and holds it"
+        if len(found) > 1:
+            words = "each gets the height of a point at the other end and holds it"
+        self.draft.note(f"{points} in no .cor file, seen in plan alone: {words}")
+        return set() if projected else set(found)
 
 
 def _cartesian(frame: str, point: str, numbers: list[float], factor: float, line: int) -> Row:

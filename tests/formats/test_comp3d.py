@@ -119,7 +119,7 @@ def test_a_file_of_observations_takes_the_coordinates_beside_it(tmp_path: Path) 
     (tmp_path / "sub" / "n.cor").write_text(COR)
     assert format_of(observations) == "comp3d"
     document = read_foreign(observations)
-    assert "no .comp file says the coefficient of refraction" in " ".join(map(str, document.notes))
+    assert "no .comp file that is read says the coefficient of refraction" in " ".join(map(str, document.notes))
 
 
 def test_both_files_of_a_network_named_are_the_network_once(tmp_path: Path) -> None:
@@ -319,3 +319,80 @@ def test_deflections_and_baselines_need_a_projection(tmp_path: Path) -> None:
     assert "point C: deflections of the vertical need a project in a projection" in said
     (tmp_path / "n.cor").write_text(COR)
     assert "GNSS baselines (19) without a projection (use_proj) not read (1 record)" in str(read_foreign(path).notes)
+
+
+@pytest.mark.parametrize(
+    ("version", "expected"), [("v5.22dev-linux", 10.0), ("v5.23", 26.0), ("v5.24dev-PROJ", 26.0), ("?", 26.0)]
+)
+def test_the_distance_that_the_sigma_of_a_direction_depends_on(tmp_path: Path, version: str, expected: float) -> None:
+    """B lies 10 m beside A and 24 m above it: horizontal until version 5.22, spatial from 5.23 on."""
+    path = write(tmp_path)
+    path.write_text(COMP.replace('"COMP3D_VERSION" : "x"', f'"COMP3D_VERSION" : "COMP3D {version}"'))
+    (tmp_path / "n.cor").write_text("7 A 1000 2000 5 0.01 0.01 0\n7 B 1006 2008 29 0.01 0.01 0\n")
+    (tmp_path / "sub" / "n.obs").write_text("7 A B 0 0.001 0.002\n6 A B 30 0.001 0.002\n")
+    document = read_foreign(path)
+    sigmas = [float(_rows(document, type_)[0]["sigma"]) for type_ in ("directions", "zenith_angle")]
+    assert sigmas == pytest.approx([0.001 + 0.002 / distance * 200.0 / pi for distance in (expected, 26.0)])
+
+
+def test_adjusted_coordinates_give_the_distances_of_sigmas(tmp_path: Path) -> None:
+    """Comp3D takes the distance of the current iteration; the coordinates of its last one are in the .new file."""
+    path = write(tmp_path)
+    (tmp_path / "n.cor").write_text("1 A 1000 2000 5 0.01 0.01 0\n0 B 1010 2000 5\n")
+    (tmp_path / "n.new").write_text("* Begin\n  A 1000.0 2000.0 5 0.1 0.1 0.1 *\n -1 Z\n  B 1006 2008 5 0 0 0\n C x\n")
+    (tmp_path / "sub" / "n.obs").write_text("7 A B 0 0.001 0.002\n14 A B 6 0.001\n15 A B 8 0.001 0.01\n")
+    document = read_foreign(path)
+    (direction,) = _rows(document, "directions")
+    assert float(direction["sigma"]) == pytest.approx(0.001 + 0.0002 * 200.0 / pi)
+    assert float(_rows(document, "vector")[1]["sigma_dy"]) == pytest.approx(0.101)
+    (tmp_path / "n.cor").write_text("1 A 1000 2000 5 0.01 0.01 0\n0 B 1030 2040 5\n")
+    assert read_foreign(path).data["observations"] == document.data["observations"]
+
+
+@pytest.mark.parametrize("projected", [False, True])
+def test_points_that_only_directions_intersect(tmp_path: Path, projected: bool) -> None:
+    """C is in no .cor file. Stations A and B, of observed coordinates, see it; D has one direction alone."""
+    path = write(tmp_path)
+    if projected:
+        projection = '"use_proj" : true, "proj_def" : "EPSG:2154"'
+        path.write_text(COMP.replace('"use_proj" : false', projection))
+    shift = (700000.0, 6600000.0, 0.0) if projected else (0.0, 0.0, 0.0)
+    rows = [f"1 {name} {' '.join(map(str, np.add(PLACES[name], shift)))} 0.001 0.001 0.002" for name in "AB"]
+    (tmp_path / "n.cor").write_text("\n".join(rows) + "\n")
+    angles = [
+        f"{code} {station} {target} {_azimuth(station, target):.6f} 0.001"
+        for station in "AB"
+        for code, target in zip((7, 5), "ABC".replace(station, ""), strict=True)
+    ]
+    (tmp_path / "sub" / "n.obs").write_text("\n".join([*angles, "5 A D 100.0 0.001", ""]))
+    words = "1 point in no .cor file, seen in plan alone: it gets the height of a point at the other end and holds it"
+    assert words in str(read_foreign(path).notes)
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / ("places.csv" if projected else "points.csv")).open(newline="") as file:
+        found = {row["id"]: row for row in csv.DictReader(file)}
+    names = ("east", "north", "height") if projected else ("x", "y", "z")
+    place = [float(found["C"][name]) for name in names]
+    assert place[:2] == pytest.approx(np.add(PLACES["C"], shift)[:2], abs=2e-3)
+    assert place[2] == pytest.approx(5.0, abs=1e-4)
+    with (tmp_path / "out" / "undetermined.csv").open(newline="") as file:
+        assert [row["id"] for row in csv.DictReader(file)] == ["D"]
+
+
+def test_the_project_beside_a_file_of_observations(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    path.write_text(COMP.replace("sub/n.obs", "n.obs").replace('"refraction" : 0.0', '"refraction" : 0.2'))
+    observations = tmp_path / "n.obs"
+    observations.write_text("8 A B 40.0 0.001\n3 A C 50.0 0.001\n")
+    for name in ("n.obs", "n.cor"):
+        document = read_foreign(tmp_path / name)
+        assert document.data["instruments"] == {"comp3d": {"refraction": "0.2"}}
+        assert ".comp" not in str(document.notes)
+    other = path.rename(tmp_path / "m.comp")
+    (tmp_path / "broken.comp").write_text('{"root_OBS_file" : "\\x"}')
+    assert ".comp" not in str(read_foreign(observations).notes)
+    (tmp_path / "k.comp").write_text(other.read_text())
+    notes = str(read_foreign(observations).notes)
+    assert "k.comp, m.comp name this file: none of them is read" in notes
+    assert "no .comp file that is read says the coefficient of refraction" in notes
+    path.write_text(other.read_text())
+    assert ".comp" not in str(read_foreign(observations).notes)
