@@ -228,7 +228,7 @@ def _rows(document: Document, type_: str) -> list[list[str | None]]:
         ("coords.gsi", "gsi", 40, 0, 0),
         ("20151125.sdr", "sdr", 0, 14, 13),
         ("20151130.sdr", "sdr", 0, 21, 20),
-        ("180416-1.m5", "m5", 0, 19, 19),
+        ("180416-1.m5", "m5", 0, 0, 19),
         ("jkv.gts7", "topcon", 0, 4, 3),
         ("1cs.scr", "sokkia-scr", 0, 18, 12),
         ("test.idx", "idx", 0, 154, 31),

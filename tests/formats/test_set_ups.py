@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from math import atan2, cos, hypot, pi, sin
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import mor
 from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
@@ -343,10 +345,12 @@ def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
     assert "was turned when its station was recorded" in _notes(document)
 
 
-def test_m5_heights_follow_the_station_and_end_closes(tmp_path: Path) -> None:
-    def line(what: str, *values: str) -> str:
-        return f"For M5|Adr 1|{what}|" + "|".join(f"{value:<22}" for value in (*values, "", "", "")[:3]) + "|"
+def _m5(what: str, *values: str) -> str:
+    return f"For M5|Adr 1|{what}|" + "|".join(f"{value:<22}" for value in (*values, "", "", "")[:3]) + "|"
 
+
+def test_m5_heights_follow_the_station_and_end_closes(tmp_path: Path) -> None:
+    line = _m5
     text = "\n".join(
         [
             line("TI      KN STAT"),
@@ -363,8 +367,77 @@ def test_m5_heights_follow_the_station_and_end_closes(tmp_path: Path) -> None:
     document = _read(tmp_path, "b.m5", text)
     assert document.data["stations"][0]["rows"] == [["S1", "S1", "1.645"]]
     assert set(_points(document)) == {"S1"}
-    sets = [row.get("set") for kind in ("directions", "zenith_directions") for row in _rows(document, kind)]
-    assert sets == [None, "2", "2"], "the circle was turned when the station was recorded; B has no heights"
+    bearings = [float(row["bearing"]) for row in _rows(document, "bearing")]
+    assert bearings == pytest.approx([0.0, 0.0, 90.0]), "the circle was turned by Om: what it reads then are azimuths"
+    assert [row["to"] for row in _rows(document, "zenith_angle")] == ["P", "Q"], "B has no heights"
+    assert "Om" not in _notes(document)
+
+
+@pytest.mark.parametrize("before", [False, True])
+def test_m5_directions_of_stations_by_om(tmp_path: Path, before: bool) -> None:
+    """S1 at the origin sees S2 alone of the points of S2: the azimuths after Om join the two, and P lies at (30, 40).
+
+    The station record follows Om or stands before it, and the origin has a second name, H, without a height.
+    """
+    places = {"S1": (0.0, 0.0), "S2": (30.0, 0.0), "P": (30.0, 40.0), "Q": (10.0, 20.0)}
+
+    def sight(station: str, target: str, turn: float = 0.0) -> str:
+        east, north = (b - a for a, b in zip(places[station], places[target], strict=True))
+        azimuth = 200.0 / pi * atan2(east, north)
+        values = (f"SD {hypot(east, north):.4f} m", f"Hz {(azimuth - turn) % 400.0:.5f} gon", "V1 100.0 gon")
+        return _m5(f"PI1                  {target}", *values)
+
+    def stationing(station: str, turn: float, back: str) -> list[str]:
+        east, north = places[station]
+        record = _m5(f"PI1           S      {station}", f"Y {east} m", f"X {north} m", "Z 0.0 m")
+        om = _m5("TI", "", f"Om {turn:.4f} gon")
+        return [_m5("TI      KN STAT"), back, *([om, record] if before else [record, om])]
+
+    heights = _m5("TI      INPUT", "th 1.5 m", "ih 1.5 m")
+    lines = [
+        *stationing("S1", 50.0, _m5("PI1           A      0", "", "Hz 10.0 gon", "V1 100.0 gon")),
+        *(heights, sight("S1", "S2"), sight("S1", "Q")),
+        *(_m5("PI1                  Q", "Y 10.0 m", "X 20.0 m", "Z 0.0 m"), _m5("TI      KN STAT")),
+        _m5("PI1           A      H", "Y 0.0 m", "X 0.0 m"),
+        *stationing("S2", 20.0, _m5("PI1           A      H", "", "Hz 280.0 gon", "V1 100.0 gon")),
+        *(heights, sight("S2", "P"), _m5("PI1                  P", "Y 30.0 m", "X 40.0 m", "Z 0.0 m")),
+    ]
+    document = _read(tmp_path, "b.m5", "\n".join(lines))
+    assert _points(document) == {"S1": [0.0, 0.0, 0.0]}
+    bearings = {(row["from"], row["to"]): float(row["bearing"]) for row in _rows(document, "bearing")}
+    assert bearings[("S1", "S2")] == pytest.approx(100.0, abs=1e-4)
+    result = mor.adjust(str(tmp_path / "b.m5"))
+    points = result.project.network.things["point"]
+    found = result.solved.adjustment.values["point"][points.part("P", "position")]
+    assert found == pytest.approx([30.0, 40.0, 0.0], abs=1e-3)
+
+
+@pytest.mark.parametrize("face", [1, 2])
+def test_m5_targets_beside_the_point(tmp_path: Path, face: int) -> None:
+    """The prism stands 0.1 m before the point, 0.3 m to the right, and 0.2 m to the left of it."""
+    to_point = {"Tv": (0.0, 0.1), "Tr": (-0.3, 0.0), "Tl": (0.2, 0.0)}
+    lines = [_m5("PI1           S      S1", "Y 5.0 m", "X 6.0 m", "Z 7.0 m"), _m5("TI", "th 1.0 m", "ih 1.5 m")]
+    vertical, turned = ("V1 90.0 gon", 0.0) if face == 1 else ("V1 310.0 gon", 200.0)
+    readings = ("SD 10.0 m", f"Hz {100.0 + turned} gon", vertical)
+    for name, (right, ahead) in to_point.items():
+        lines += [_m5(f"PI1           7      {name}", f"{name} {abs(right or ahead)} m")]
+        lines += [_m5(f"PI1           7      {name}", *readings)]
+        lines += [_m5(f"PI1           7      {name}", "Y 0.0 m", "X 0.0 m", "Z 8.0 m")]
+    lines += [_m5("PI1           7      B", *readings), _m5("PI1           7      C", "Tv 0.1 m")]
+    lines += [_m5("PI1           7      C", "", *readings[1:])]
+    document = _read(tmp_path, "b.m5", "\n".join(lines))
+    slopes = {row["to"]: float(row["distance"]) for row in _rows(document, "distance")}
+    plan, rise = 10.0 * cos(pi / 20), 10.0 * sin(pi / 20)
+    for row in _rows(document, "zenith_directions"):
+        right, ahead = to_point.get(row["to"], (0.0, 0.0))
+        length = hypot(plan + ahead, right)
+        zenith = atan2(length, rise) * 200.0 / pi
+        assert slopes[row["to"]] == pytest.approx(hypot(length, rise), abs=1e-9)
+        assert float(row["zenith"]) == pytest.approx(zenith if face == 1 else 400.0 - zenith, abs=1e-9)
+        direction = 100.0 + turned + atan2(right, plan + ahead) * 200.0 / pi
+        assert float(row["horizontal"]) == pytest.approx(direction, abs=1e-9)
+    assert set(slopes) == {"Tv", "Tr", "Tl", "B"}
+    assert "beside the point (Tv, Tr, Tl) (1 record" in _notes(document)
 
 
 def test_nikon_stations_backsights_and_uploaded_points(tmp_path: Path) -> None:

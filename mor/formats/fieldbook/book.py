@@ -473,9 +473,13 @@ class FieldBook:
 
     def _take_zeros(self) -> None:
         """Take coordinates that are all 0 as those of the origin if nothing else is given, or if distances fit them."""
-        is_origin = not self.points and len({name for name, _ in self.zeros}) == 1
+
+        def is_whole(place: PointRecord) -> bool:
+            return None not in (place.height, 0.0 if self.levelling.reached else place.east)
+
+        is_origin = not self.points and len({name for name, place in self.zeros if is_whole(place)}) == 1
         for name, place in self.zeros:
-            whole = None not in (place.height, 0.0 if self.levelling.reached else place.east)
+            whole = is_whole(place)
             if whole and (is_origin or (name not in self.points and self._fits(name, place))):
                 self.points[name] = place
             elif name not in self.points or self.points[name][:3] != place[:3]:
@@ -601,8 +605,9 @@ class FieldBook:
     def _orient(self) -> None:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
 
-        That is at stations with given coordinates that sight no point with given coordinates, or with a place from
-        another station, and at one set-up of a part of the book whose given points are one, or within 1 m.
+        That is at stations with given coordinates, or sighted from another one where the book says the orientation,
+        that sight no point with given coordinates, or with a place from another station, and at one set-up of a part
+        of the book whose given points are one, or within 1 m.
         """
         placed: dict[str, set[int]] = {}
         for k, set_up in enumerate(self.set_ups):
@@ -616,7 +621,9 @@ class FieldBook:
             targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
             part = next((part for part in alone if set_up.station in part), None)
             tied = any(name in self.points or placed.get(name, set()) - {k} for name in targets)
-            if (tied and part is None) or set_up.station not in self.points or not targets:
+            given = set_up.station in self.points
+            reached = not tied and set_up.orientation is not None and placed.get(set_up.station, set()) - {k}
+            if (tied and part is None) or not (given or reached) or not targets:
                 continue
             if set_up.orientation is None:
                 set_up.orientation = self._computed_orientation(set_up)

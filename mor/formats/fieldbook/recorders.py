@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Sequence
 from itertools import pairwise, takewhile, zip_longest
+from math import atan2, cos, hypot, sin, tau
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
@@ -239,12 +240,15 @@ class _SectionReader:
 # th and ih heights of target and instrument (Trimble, "M5 data format"). Distances contain the prism constant PC and
 # the addition constant A, so those values and others are only counted.
 #
-# A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), then the turn of the
-# circle (Om) and the instrument height; the sights that follow read the turned circle. Coordinates of a point
-# that was sighted are computed.
+# A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), before or behind it the angle by
+# which the circle is turned (Om), and the instrument height. The sights that follow read the turned circle, which are
+# azimuths. Coordinates of a point that was sighted are computed.
+#
+# Tv, Tr and Tl say how far the target of the next sight is before the point, to the right or to the left of it.
 
 _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
-_KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih", "Rb", "Rf", "Rz")
+_KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih", "Om", "Tv", "Tr", "Tl", "Rb", "Rf", "Rz")
+_BESIDE = "sights without a distance and zenith angle to a target beside the point (Tv, Tr, Tl)"
 _ALIASES = {"D": "SD", "E": "HD", "Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "L": "R"}
 """Names of Zeiss instruments."""
 _LEVELLED = {"Rb", "Rf", "Rz", "Lr", "Lv", "Lz", "HD", "E", "Z"}
@@ -287,6 +291,10 @@ class _M5Reader:
         self.has_height = False
         """True if a height of the target was recorded since the stationing began."""
         self.sighted: set[str] = set()
+        self.turn: float | None = None
+        """What the circle is turned by at the end of the stationing."""
+        self.beside: tuple[str, float, float] = ("", 0.0, 0.0)
+        """A point, and how far it is behind and to the right of the target of the next sight to it."""
 
     def record(self, what: str, cells: list[str], line: int) -> None:
         kind, *words = what.split()
@@ -361,8 +369,12 @@ class _M5Reader:
     def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if "STAT" in words:
             self.book.forget_waiting("sights of a stationing that was started again")
-            self.stationing, self.has_height = True, False
-        if not self._heights(values, line):
+            self.stationing, self.has_height, self.turn = True, False, None
+        if "Om" in values:
+            self.turn = values["Om"][0]
+            if not self.stationing:
+                self._turn()
+        elif not self._heights(values, line):
             self.book.leave_out("texts of the program", line)
 
     def _heights(self, values: dict[str, tuple[float, str]], line: int) -> bool:
@@ -380,6 +392,9 @@ class _M5Reader:
             raise ValueError("found no name of a point")
         name = words[-1]
         has_heights = self._heights(values, line)
+        if beside := {"Tv", "Tr", "Tl"} & values.keys():
+            behind, right, left = (values.get(key, (0.0, ""))[0] for key in ("Tv", "Tr", "Tl"))
+            self.beside = (name, behind, left - right)
         if {"Y", "X"} & set(values):
             if "S" in words[:-1]:
                 self._station(name, values, line)
@@ -389,12 +404,19 @@ class _M5Reader:
                 self.book.point(name, *_place(values), line)
         elif {"Hz", "V1", "SD", "HD"} & set(values):
             self._sight(name, values, line)
-        elif not has_heights:
+        elif not has_heights and not beside:
             self.book.leave_out("points without readings or coordinates", line)
 
     def _station(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
         self.book.set_up(name, line, self.instrument, _place(values))
         self.stationing = False
+        self._turn()
+
+    def _turn(self) -> None:
+        """Note that the circle of the open set-up is turned: its readings are azimuths from then on."""
+        if self.turn is not None and self.book.set_ups and not self.book.set_ups[-1].used:
+            self.book.set_ups[-1].turn, self.book.set_ups[-1].orientation = self.turn, 0.0
+            self.turn = None
 
     def _sight(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
         for key in ("Hz", "V1"):
@@ -414,10 +436,36 @@ class _M5Reader:
             height=self.target,
         )
         self.sighted.add(name)
+        if self.beside[0] == name:
+            centred = _centred(sight, *self.beside[1:], self.book.full)
+            self.beside = ("", 0.0, 0.0)
+            if centred is None:
+                self.book.leave_out(_BESIDE, line)
+                return
+            sight = centred
         if self.stationing:
             self.book.wait(sight)
         else:
             self.book.sight(sight)
+
+
+def _centred(sight: Sight, behind: float, right: float, circle: float) -> Sight | None:
+    """The readings that a point has which is behind and to the right of the target; ``None`` without its distance."""
+    if sight.horizontal is None:
+        return None
+    if sight.slope is not None and sight.zenith is not None:
+        plan = sight.slope * sin(sight.zenith * tau / circle)
+        face = -1.0 if plan < 0.0 else 1.0
+        rise = sight.slope * cos(sight.zenith * tau / circle)
+        length = hypot(abs(plan) + behind, right)
+        zenith = face * atan2(length, rise) * circle / tau % circle
+        turn = atan2(right, abs(plan) + behind) * circle / tau
+        return sight._replace(horizontal=(sight.horizontal + turn) % circle, zenith=zenith, slope=hypot(length, rise))
+    if sight.horizontal_distance is not None and sight.zenith is None:
+        length = sight.horizontal_distance + behind
+        turn = atan2(right, length) * circle / tau
+        return sight._replace(horizontal=(sight.horizontal + turn) % circle, horizontal_distance=hypot(length, right))
+    return None
 
 
 def _place(values: dict[str, tuple[float, str]]) -> Place:
