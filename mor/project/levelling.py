@@ -6,7 +6,8 @@ new line ends the set-up. Intermediate sights have the mean of the readings back
 
 Instruments number turning points anew in every line. A name that lies inside two lines, or a number that lies inside a
 line and ends another, is therefore one point only if the recorded heights agree, in lines that meet at one height:
-others may begin at 0. Names as BM 3 or TBM-A are those of benchmarks, which are one point each.
+others may begin at 0. Heights of points whose names are no numbers are compared above a point that both lines have and
+one of them ends at. Names as BM 3 or TBM-A are those of benchmarks, which are one point each.
 """
 
 from __future__ import annotations
@@ -195,11 +196,11 @@ class Levelling:
     def names_of_lines(self) -> tuple[list[dict[str, str]], list[str]]:
         """Return for each line its points that are others than those of an earlier line, and their old names."""
         ends = set[str]().union(*(line.ends() for line in self.lines))
-        systems = self._height_systems()
+        systems, shifts = self._height_systems(), self._shifts()
         known: dict[str, list[list[tuple[int, float | None]]]] = {}
         renamed: list[str] = []
         found: list[dict[str, str]] = []
-        for line, system in zip(self.lines, systems, strict=True):
+        for here, line in enumerate(self.lines):
             names = {}
             for name in sorted(line.inside()):
                 if _BENCHMARK.match(name):
@@ -207,7 +208,7 @@ class Levelling:
                 height = line.heights.get(name)
                 final: list[tuple[int, float | None]] = [
                     (its, other.heights[name])
-                    for other, its in zip(self.lines, systems, strict=True)
+                    for its, other in enumerate(self.lines)
                     if name in other.ends() and name in other.heights
                 ]
                 if name in ends and not (name.isdecimal() and height is not None and final):
@@ -216,17 +217,35 @@ class Levelling:
                 same = [
                     k
                     for k, place in enumerate(places)
-                    for its, other in place
-                    if its == system and height is not None and other is not None and abs(height - other) <= SAME_HEIGHT
+                    for there, other in place
+                    if height is not None and other is not None
+                    if (systems[here] == systems[there] and abs(height - other) <= SAME_HEIGHT)
+                    or (not name.isdecimal() and _is_level(height, shifts[here], other, shifts[there]))
                 ]
                 if not same:
-                    places.append([(system, height)])
+                    places.append([(here, height)])
                 number = 1 + (same[0] if same else len(places) - 1)
                 if number > 1:
                     names[name] = f"{name} ({number})"
                     renamed.append(name)
             found.append(names)
         return found, list(dict.fromkeys(renamed))
+
+    def _shifts(self) -> list[tuple[int, float]]:
+        """Return for each line a number that lines have in common if points tie them, and its zero height there.
+
+        The points are the ends of one of two lines that the other one has, too, and whose names are no numbers.
+        """
+        shifts = [(k, 0.0) for k in range(len(self.lines))]
+        for k, line in enumerate(self.lines):
+            for other, earlier in enumerate(self.lines[:k]):
+                common = line.heights.keys() & earlier.heights.keys() & (line.ends() | earlier.ends())
+                steps = [earlier.heights[name] - line.heights[name] for name in common if not name.isdecimal()]
+                if not steps or max(steps) - min(steps) > SAME_HEIGHT or shifts[k][0] == shifts[other][0]:
+                    continue
+                old, step = shifts[k], shifts[other][1] + fmean(steps) - shifts[k][1]
+                shifts = [(shifts[other][0], zero + step) if its == old[0] else (its, zero) for its, zero in shifts]
+        return shifts
 
     def _height_systems(self) -> list[int]:
         """Return a number for each line: lines that meet at one height have one, for others may begin at 0."""
@@ -239,6 +258,11 @@ class Levelling:
                         systems = [systems[other] if its == systems[k] else its for its in systems]
                 met[name].append((k, line.heights[name]))
         return systems
+
+
+def _is_level(height: float, shift: tuple[int, float], other: float, its_shift: tuple[int, float]) -> bool:
+    """Return whether heights in two lines that points tie are the same."""
+    return shift[0] == its_shift[0] and abs(height + shift[1] - other - its_shift[1]) <= SAME_HEIGHT
 
 
 def _difference(back: list[StaffReading], fore: list[StaffReading]) -> LevelledDifference:

@@ -285,3 +285,37 @@ def test_a_book_of_an_sdl_level(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected number, point, 0, 0, 1 or 2") as error:
         _read(tmp_path, "bad.csv", "\n".join([*rows[:2], "0002,0002,1,1,7,20.00,1.2000,50.3000,"]))
     assert error.value.problems[0].line == 3
+
+
+@pytest.mark.parametrize(
+    ("turning", "reading", "names"),
+    [("T4", 1.4796, ("T4", "T4")), ("T4", 1.4, ("T4", "T4 (2)")), ("4", 1.4796, ("4", "4 (2)"))],
+    ids=["same", "other", "number"],
+)
+def test_a_turning_point_of_lines_that_begin_at_different_heights(
+    tmp_path: Path, turning: str, reading: float, names: tuple[str, str]
+) -> None:
+    """T4 is 20 mm above T3 in the line from T1, and 20.4 mm above it in the line from T3: both begin at 0.
+
+    A number may be another point in each line, and 100 mm above T3 is another point of the same name.
+    """
+    lines = []
+    for number, (begin, sights) in enumerate(
+        [
+            ("T1", [("T1", 1.5, "T3", 1.4), ("T3", 1.5, turning, 1.48), (turning, 1.5, "T1", 1.6202)]),
+            ("T3", [("T3", 1.5, turning, reading), (turning, 1.5, "T3", 3.0 - reading)]),
+        ],
+        start=1,
+    ):
+        lines += [f"For M5|Adr 1|TO  Start-Line         BF     {number}| | | |"]
+        lines += [f"For M5|Adr 1|KD1       {begin}                  {number}|    |    |Z 0.00000 m |"]
+        height = 0.0
+        for back, high, fore, low in sights:
+            height += high - low
+            for name, kind, value in ((back, "Rb", high), (fore, "Rf", low)):
+                row = f"For M5|Adr 1|KD1 {name:>8}       08:00:001  {number}|{kind} {value:.5f} m |HD 10.000 m | |"
+                lines.append(row)
+            lines.append(f"For M5|Adr 1|KD1 {fore:>8}                  {number}|    |    |Z {height:.5f} m |")
+    document = _read(tmp_path, "a.dat", "\n".join(lines))
+    ends = [row[1] for row in _rows(document)]
+    assert [ends[1], ends[3]] == list(names)
