@@ -1247,6 +1247,7 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
         1,
         "the records JB, MO, OC",
     ),
+    ("nikon", re.compile(r"\s*[01]\s*,\s*[0-3]\s*,\s*[MFN][DGM]\s*,"), 2, "records 1,0,MD of a DTM-300"),
     (
         "nikon",
         re.compile(r"CO,.*\bRAW data|(?:SS|F[12]),[^,]*,-?[\d.]+,-?[\d.]*,-?[\d.]+,", re.IGNORECASE),

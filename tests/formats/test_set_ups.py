@@ -826,3 +826,41 @@ def test_a_target_height_of_nikon_holds_until_another_one(tmp_path: Path) -> Non
     )
     rows = _rows(_read(tmp_path, "b.raw", book), "distance")
     assert [row["to_height"] for row in rows] == ["1.6", "1.6", "1.7"]
+
+
+def test_a_list_of_a_nikon_dtm_300(tmp_path: Path) -> None:
+    """B lies 30 m from A and 4 m above it; P has mils and feet of its own, and Q was deleted."""
+    zenith = 100.0 - atan2(4.0 + 1.8 - 1.5, 30.0) * 200.0 / pi
+    back = 100.0 + atan2(4.0 + 1.6 - 1.2, 30.0) * 200.0 / pi
+    text = "\n".join(
+        [
+            "1 , 2 , MG , A--1.500, 0.000, 0.000",
+            f"1 , 0 , MG , B , {hypot(30.0, 4.3):.4f} , 0.0000 , {zenith:.5f} , 1.800",
+            "1 , 0 , FM , P , 10.000 , 1600.0 , 1600.0 , 1.000",
+            "0 , 0 , MG , Q , 5.000 , 0.0000 , 100.0 , 1.800",
+            "1 , 1 , MG , B , 30.000 , 0.000",
+            "1 , 2 , MG , B-1.60, 30.000, 0.000",
+            f"1 , 0 , MG , A , {hypot(30.0, 4.4):.4f} , 50.0000 , {back:.5f} , 1.200",
+            "1 , 3 , MG , C , 1.000 , 2.000 , 3.000",
+        ]
+    )
+    document = _read(tmp_path, "a.nik", text)
+    assert format_of(tmp_path / "a.nik") == "nikon"
+    assert document.data["stations"][0]["rows"] == [["A", "A", "1.5"], ["B", "B", "1.6"]]
+    sights = {(row["station"], row["to"]): row for row in _rows(document, "zenith_directions")}
+    assert set(sights) == {("A", "B"), ("A", "P"), ("B", "A")}
+    assert [float(sights["A", "P"][key]) for key in ("horizontal", "zenith", "to_height")] == pytest.approx(
+        [100.0, 100.0, 1200 / 3937]
+    )
+    assert float(_rows(document, "distance")[1]["distance"]) == pytest.approx(10 * 1200 / 3937)
+    notes = _notes(document)
+    for words in ("records that were deleted (1 record, lines 4)", "station A: the height of the instrument behind --"):
+        assert words in notes
+    result = mor.adjust(str(tmp_path / "a.nik"))
+    assert result.solved.quality.sigma0 == pytest.approx(0.0, abs=0.3)
+    sexagesimal = "1,2,MD,A-1.5\n1,0,MD,B,30.0,90.3000,88.1530,1.8\n1,0,MG,C,30.0,50.0,90.0,1.8\n"
+    first, second = _rows(_read(tmp_path, "b.nik", sexagesimal), "zenith_directions")
+    assert float(first["zenith"]) == pytest.approx(88.0 + 15.5 / 60.0)
+    assert [float(row["horizontal"]) for row in (first, second)] == pytest.approx([90.5, 45.0])
+    with pytest.raises(InputError, match=r"c\.nik:3: found '1 , 5 , MG , x', expected a state"):
+        _read(tmp_path, "c.nik", "\n".join(text.splitlines()[:2]) + "\n1 , 5 , MG , x\n")

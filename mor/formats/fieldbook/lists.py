@@ -32,11 +32,18 @@ def read_nikon(path: Path) -> Document:
     side shot, SO point staked out: name, target height, slope, horizontal circle, zenith. The sights of a resection,
     which a comment begins, come before their station. ``Zero VA`` says where the vertical circle is 0: Zenith, Horizon
     (it counts upwards, 180° and more in face 2) or Compass (elevations of ±90° in both faces; Nikon, *DTM-322 manual*).
+
+    The older list of a DTM-300 is read by :func:`_read_dtm300`.
     """
     draft = Draft(str(path))
     reader = _Nikon(FieldBook(draft))
     book = reader.book
-    for line, text in records(path, draft):
+    lines = list(records(path, draft))
+    if lines and _DTM300.match(lines[0][1]):
+        _read_dtm300(lines, book)
+        book.finish(path.stem)
+        return draft.finish()
+    for line, text in lines:
         with draft.at(line):
             reader.record(text, line)
     reader.name_by_codes()
@@ -186,6 +193,64 @@ class _Nikon:
             self.book.wait(sight)
         else:
             self.book.sight(sight)
+
+
+_DTM300 = re.compile(r"\s*[01]\s*,\s*[0-3]\s*,\s*[MFN][DGM]\s*,")
+_STATION_300 = re.compile(r"(.+?)-+([\d.]*)")
+_LENGTHS_300 = {"M": 1.0, "F": LENGTH_UNITS["us-ft"], "N": 0.3048}
+
+
+def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
+    """Read a list of a Nikon DTM-300: state (1, or 0 if deleted), type, units (metres, US feet or feet; D, G or M).
+
+    Type 0 is a sight: name, slope distance, circle, zenith angle, target height. Types 1, 2 and 3 are coordinates that
+    are computed, keyed in and uploaded: east, north, height. A name ``7-1.52`` of type 2 is station 7 with the height of
+    the instrument; it is positive behind ``7--``, too. Angles are degrees, minutes and seconds (D), gon
+    (G) or mils of 6400 (M). Source: GeoEasy, which reads it.
+    """
+    with_place = 0
+    for line, text in lines:
+        cells = _cells(text, 8)
+        with book.draft.at(line):
+            if not _DTM300.match(text):
+                raise ValueError(
+                    f"found {text.strip()[:20]!r}, expected a state (0, 1), a type (0 to 3) and units (MD)"
+                )
+            state, type_, (length, angle), name = cells[0], cells[1], cells[2], cells[3]
+            if state != "1":
+                book.leave_out("records that were deleted", line)
+                continue
+            values = [_optional(cell) for cell in cells[4:7]]
+            metres = _LENGTHS_300[length]
+            if type_ == "0":
+                if not any(set_up.sights for set_up in book.set_ups):
+                    book.angle = "deg" if angle == "D" else "gon"
+                whole = {"D": 360.0, "G": 400.0, "M": 6400.0}[angle]
+                angles = [
+                    (sexagesimal(cell) if angle == "D" else parse_number(cell)) * book.full / whole
+                    for cell in cells[5:7]
+                ]
+                slope = metres * (values[0] or 0.0) or None
+                book.sight(Sight(name, line, *angles, slope, height=metres * (_optional(cells[7]) or 0.0)))
+                continue
+            place = [None if value is None else metres * value for value in values]
+            given = (place[0], place[1], place[2])
+            station = _STATION_300.fullmatch(name) if type_ == "2" else None
+            if any(place):
+                with_place = with_place or line
+            if station is not None:
+                height = metres * (_optional(station[2]) or 0.0)
+                if "--" in name and height:
+                    words = f"station {station[1]}: the height of the instrument behind -- is taken as positive"
+                    book.draft.note(words, line)
+                book.set_up(station[1], line, height, None if given == (None, None, None) else given)
+            elif type_ == "1":
+                book.computed_point(name, *given, line)
+            else:
+                book.point(name, *given, line)
+    if with_place:
+        words = "coordinates are taken as east, north and height; the file does not say their order"
+        book.draft.note(words, with_place)
 
 
 def read_topcon(path: Path) -> Document:
