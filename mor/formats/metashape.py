@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -132,6 +133,12 @@ def _estimated(calibration: Element | None, values: dict[str, float]) -> tuple[s
 # coordinate system. Pixels count from the upper left corner of the upper left pixel (Agisoft, *Metashape User
 # Manual*, appendices).
 
+_OFF, _RIG, _UNSEEN = (
+    "switched off or without a sensor",
+    "of the other sensors of a rig",
+    "in which no marker is measured",
+)
+"""Why images are not read."""
 SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
 """σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
 COS_PHI = 0.01
@@ -144,6 +151,8 @@ class MetashapeChunk:
 
     cameras: dict[str, str] = field(default_factory=dict)
     """Name of each image by the number of its camera element."""
+    unread: dict[str, str] = field(default_factory=dict)
+    """Why images are not read, by the numbers of their camera elements."""
     markers: dict[str, str] = field(default_factory=dict)
     origin: FloatArray | None = None
     """Latitude, longitude and height about which coordinates are east, north and up."""
@@ -151,6 +160,8 @@ class MetashapeChunk:
     tie: TiePoints | None = None
     there: tuple[FloatArray, FloatArray, float] | None = None
     """Rotation, translation and scale from the chunk to the references."""
+    observed: bool = False
+    """True if positions or attitudes of images are observed."""
     posed: bool = False
     """True if poses are read."""
 
@@ -429,19 +440,20 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     }
     seen |= {one.camera for one in found.tie.projections if len(one.points)} if found.tie else set()
     found.posed = not other
-    rows, off, unseen, slaves = [], 0, 0, 0
+    found.observed = bool(known) or bool(turned)
+    rows = []
     for camera in _section(chunk, "cameras", "camera"):
         if "id" not in camera.attributes or "sensor_id" not in camera.attributes:
             continue
         number_, sensor = camera.attributes["id"], camera.attributes["sensor_id"]
         if sensor not in draft.data["cameras"] or camera.attributes.get("enabled", "true") in ("false", "0"):
-            off += 1
+            found.unread[number_] = _OFF
             continue
         if camera.attributes.get("master_id", number_) != number_:
-            slaves += 1
+            found.unread[number_] = _RIG
             continue
         if seen and number_ not in seen:
-            unseen += 1
+            found.unread[number_] = _UNSEEN
             continue
         name = camera.attributes.get("label", "").strip() or f"camera {number_}"
         name = name if name not in found.cameras.values() else f"{name} ({number_})"
@@ -454,14 +466,10 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     if rows and idle:
         draft.note(f"sensors {', '.join(idle)} have no image here: not read", chunk.line)
         draft.data["cameras"] = {k: v for k, v in draft.data["cameras"].items() if k in used}
-    reasons = (
-        (off, "switched off or without a sensor"),
-        (slaves, "of the other sensors of a rig"),
-        (unseen, "in which no marker is measured"),
-    )
-    for count, why in reasons:
-        if count:
-            draft.note(f"{counted(count, 'image')} {why}: not read", chunk.line)
+    counts = Counter(found.unread.values())
+    for why in (_OFF, _RIG, _UNSEEN):
+        if counts[why]:
+            draft.note(f"{counted(counts[why], 'image')} {why}: not read", chunk.line)
     if other:
         draft.note("poses are geocentric, references are not: the poses are not read", chunk.line)
     if rows:
@@ -557,21 +565,30 @@ def _observed(pose: list[str | None], known: tuple[list[str | None], list[str | 
 
 
 def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> None:
-    rows, lost = [], 0
+    rows, lost, rays = [], Counter[str](), Counter[str]()
     for frame in _section(chunk, "frames", "frame"):
         for marker in _section(frame, "markers", "marker"):
             name = found.markers.get(marker.attributes.get("marker_id", ""))
             for location in marker.all("location"):
-                image = found.cameras.get(location.attributes.get("camera_id", ""))
+                number = location.attributes.get("camera_id", "")
+                image = found.cameras.get(number)
                 if name is None or image is None:
-                    lost += 1
+                    lost[found.unread.get(number, "") if name is not None else ""] += 1
                     continue
+                rays[image] += 1
                 xy = [location.attributes.get(axis, "") for axis in "xy"]
                 for text in xy:
                     parse_number(text)
                 rows.append(Row([image, name, *xy], location.line))
-    if lost:
-        draft.note(f"{counted(lost, 'projection')} of markers or images that are not there: not read", chunk.line)
+    for why, count in lost.items():
+        words = f"in images {why}" if why else "of markers or images that are not there"
+        draft.note(f"{counted(count, 'projection')} {words}: not read", chunk.line)
+    if lost[_RIG] and max(rays.values(), default=0) < 3 and found.tie is None and not found.observed:
+        draft.problem(
+            f"no image has 3 projections of markers that are read, so none can be oriented; "
+            f"{counted(lost[_RIG], 'projection')} are in images {_RIG}, which are not read",
+            chunk.line,
+        )
     sigma = _accuracy(chunk, "accuracy_projections", SIGMA_PROJECTION)
     if rows:
         columns = ("image", "point", "x", "y")

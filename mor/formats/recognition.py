@@ -990,6 +990,11 @@ _NOT_READ = (
         "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
     ),
     (re.compile(r"For R[45]\|"), "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5"),
+    (
+        re.compile(r"^\s*<pix4dmapper\b"),
+        "this is a project file of Pix4Dmapper, which is not read; give the folder params that Pix4D writes beside it: "
+        "mor adjust PROJECT/1_initial/params",
+    ),
     (re.compile(r"RINEX VERSION / TYPE"), "this is a RINEX file; GNSS receivers' raw data are not read"),
     (
         re.compile(r"^LOCAL GEODETIC DATUM:"),

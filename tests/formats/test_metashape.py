@@ -143,7 +143,7 @@ def test_a_chunk_with_its_transform(tmp_path: Path) -> None:
     free = [name for name, value in data["cameras"]["0"]["interior"].items() if "free" in value]
     assert free == ["f", "cx", "cy", "b1", "k1", "k2"]
     assert "1 image switched off" in notes
-    assert "1 projection of markers or images that are not there" in notes
+    assert "1 projection in images switched off or without a sensor" in notes
 
 
 @pytest.mark.parametrize(
@@ -629,3 +629,26 @@ def test_a_bad_number_of_a_marker_is_told(tmp_path: Path) -> None:
     path.write_text(XML.replace('sy="0.01"', 'sy="0.SF=01"'))
     with pytest.raises(InputError, match=r"found '0\.SF=01', expected a number"):
         read_foreign(path)
+
+
+def test_markers_that_other_sensors_of_a_rig_measure_alone(tmp_path: Path) -> None:
+    """Two of three projections are in an image of the second sensor: the first image cannot be oriented by the other."""
+    rig = XML.replace('<camera id="1"', '<camera id="1" master_id="0"').replace(
+        '<location camera_id="2" x="1" y="1"/></marker>',
+        '<location camera_id="1" x="1" y="1"/><location camera_id="2" x="1" y="1"/></marker>'
+        '<marker marker_id="1"><location camera_id="1" x="7" y="9"/><location camera_id="9" x="7" y="9"/></marker>',
+    )
+    path = tmp_path / "markers.xml"
+    path.write_text(rig)
+    words = "none can be oriented; 2 projections are in images of the other sensors of a rig, which are not read"
+    with pytest.raises(InputError, match=words):
+        read_foreign(path)
+    known = '<camera id="0" sensor_id="0" label="a.jpg"><reference x="1" y="2" z="3"/>'
+    path.write_text(rig.replace('<camera id="0" sensor_id="0" label="a.jpg">', known))
+    notes = " ".join(map(str, read_foreign(path).notes))
+    for count, why in (
+        ("2 projections", "in images of the other sensors of a rig"),
+        ("1 projection", "in images switched off or without a sensor"),
+        ("1 projection", "of markers or images that are not there"),
+    ):
+        assert f"{count} {why}: not read" in notes

@@ -80,6 +80,11 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
         ("a.xml", '<?xml version="1.0"?\n<document><chunk/></document>\n', "begins as XML, but its first element"),
         ("heights.txt", "STN   REF   9.400\nSTN   PT2   0.200\n", "like observations of JAG3D (from, to, values)"),
         ("a.txt", "For R5|Adr 0001|TR OR.COOR|          |          |          |\n", "a Zeiss Elta file"),
+        (
+            "a.p4d",
+            '<?xml version="1.0"?>\n<pix4dmapper>\n\t<software/>\n</pix4dmapper>\n',
+            "a project file of Pix4Dmapper, which is not read; give the folder params",
+        ),
         ("a.dc", "00TMSC V10-70       0   10/01/2021 13:52113111\n", "a Trimble DC file"),
         (
             "a.txt",

@@ -204,9 +204,9 @@ def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
     """Read a list of a Nikon DTM-300: state (1, or 0 if deleted), type, units (metres, US feet or feet; D, G or M).
 
     Type 0 is a sight: name, slope distance, circle, zenith angle, target height. Types 1, 2 and 3 are coordinates that
-    are computed, keyed in and uploaded: east, north, height. A name ``7-1.52`` of type 2 is station 7 with the height of
-    the instrument; it is positive behind ``7--``, too. Angles are degrees, minutes and seconds (D), gon
-    (G) or mils of 6400 (M). Source: GeoEasy, which reads it.
+    are computed, keyed in and uploaded: east, north, height. A name ``7-1.52`` of type 2 is station 7 with the height
+    of the instrument; it is positive behind ``7--``, too. Angles are degrees, minutes and seconds (D), gon (G) or mils
+    of 6400 (M). Source: GeoEasy, which reads it.
     """
     with_place = 0
     for line, text in lines:
