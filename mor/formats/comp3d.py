@@ -30,7 +30,7 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from math import hypot, pi, radians
@@ -93,6 +93,7 @@ def read_comp3d(path: Path) -> Document:
     draft = Draft(str(path))
     reader = _Reader(draft)
     settings: dict[str, str] = {}
+    files: Mapping[str, Path | None]
     project = path if path.suffix.lower() == ".comp" else _project_beside(path, draft)
     if project is not None:
         text = "\n".join(read_lines(project, draft))
@@ -112,7 +113,8 @@ def read_comp3d(path: Path) -> Document:
             words = f"found no .{kind.lower()} file that belongs to it, expected one of the same name beside it"
             raise InputError([Message(words, str(path))])
         reader.file(file, read)
-    reader.adjusted = _adjusted(files["COR"].with_suffix(".new"))
+        if kind == "COR":
+            reader.adjusted = _adjusted(file.with_suffix(".new"))
     reader.finish(path.stem, settings)
     return draft.finish()
 

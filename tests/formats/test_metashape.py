@@ -632,7 +632,7 @@ def test_a_bad_number_of_a_marker_is_told(tmp_path: Path) -> None:
 
 
 def test_markers_that_other_sensors_of_a_rig_measure_alone(tmp_path: Path) -> None:
-    """Two of three projections are in an image of the second sensor: the first image cannot be oriented by the other."""
+    """Two of three projections are in an image of the second sensor: the other one orients no image."""
     rig = XML.replace('<camera id="1"', '<camera id="1" master_id="0"').replace(
         '<location camera_id="2" x="1" y="1"/></marker>',
         '<location camera_id="1" x="1" y="1"/><location camera_id="2" x="1" y="1"/></marker>'

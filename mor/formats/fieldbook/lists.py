@@ -216,27 +216,26 @@ def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
                 raise ValueError(
                     f"found {text.strip()[:20]!r}, expected a state (0, 1), a type (0 to 3) and units (MD)"
                 )
-            state, type_, (length, angle), name = cells[0], cells[1], cells[2], cells[3]
+            state, type_, units, name = cells[:4]
             if state != "1":
                 book.leave_out("records that were deleted", line)
                 continue
-            values = [_optional(cell) for cell in cells[4:7]]
-            metres = _LENGTHS_300[length]
+            metres = _LENGTHS_300[units[0]]
             if type_ == "0":
                 if not any(set_up.sights for set_up in book.set_ups):
-                    book.angle = "deg" if angle == "D" else "gon"
-                whole = {"D": 360.0, "G": 400.0, "M": 6400.0}[angle]
-                angles = [
-                    (sexagesimal(cell) if angle == "D" else parse_number(cell)) * book.full / whole
+                    book.angle = "deg" if units[1] == "D" else "gon"
+                factor = book.full / {"D": 360.0, "G": 400.0, "M": 6400.0}[units[1]]
+                circle, zenith = (
+                    (sexagesimal(cell) if units[1] == "D" else parse_number(cell)) * factor if cell else None
                     for cell in cells[5:7]
-                ]
-                slope = metres * (values[0] or 0.0) or None
-                book.sight(Sight(name, line, *angles, slope, height=metres * (_optional(cells[7]) or 0.0)))
+                )
+                slope, height = metres * (_optional(cells[4]) or 0.0) or None, metres * (_optional(cells[7]) or 0.0)
+                book.sight(Sight(name, line, circle, zenith, slope, height=height))
                 continue
-            place = [None if value is None else metres * value for value in values]
-            given = (place[0], place[1], place[2])
+            east, north, up = (None if value is None else metres * value for value in map(_optional, cells[4:7]))
+            given = (east, north, up)
             station = _STATION_300.fullmatch(name) if type_ == "2" else None
-            if any(place):
+            if any(given):
                 with_place = with_place or line
             if station is not None:
                 height = metres * (_optional(station[2]) or 0.0)
