@@ -33,16 +33,17 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import hypot, pi, radians
+from math import asin, hypot, pi, radians, sin
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from mor.errors import InputError, Message, counted
 from mor.formats.draft import Draft, Row, parse_number, read_lines
-from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
+from mor.model.earth import EARTH_RADIUS, LocalSphere, east_north_up, gaussian_radius
 from mor.project.document import Document
+from mor.project.reference_system import ReferenceSystem, ReferenceSystemError, reference_system
 from mor.types import FloatArray
 
 _REFRACTION = 0.12
@@ -166,6 +167,10 @@ def _beside(path: Path, kind: str) -> Path | None:
     return same[0] if same else found[0] if len(found) == 1 else None
 
 
+_Lengths: TypeAlias = dict[tuple[str, str], float]
+"""Lengths by the names of the points at both ends."""
+
+
 class _Point(NamedTuple):
     code: int
     place: list[float]
@@ -209,6 +214,12 @@ class _Reader:
     radius: float = EARTH_RADIUS
     sphere: LocalSphere | None = None
     """Of a project without a projection."""
+    system: ReferenceSystem | None = None
+    """Of a project in a projection that needs the plumb lines of single points."""
+    middle: FloatArray = field(default_factory=lambda: np.zeros((1, 3)))
+    """Latitude, longitude (rad) and height of the origin of the object system of such a project."""
+    centrings: list[tuple[Row, list[Row]]] = field(default_factory=list)
+    """Frames and observations of centrings in a projection."""
 
     def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
         # Levels of files in files.
@@ -287,6 +298,10 @@ class _Reader:
         if projected:
             crs = settings.get("proj_def", "").strip('"').replace("\\/", "/").partition("<>")[0].strip()
             draft.put("world", {"crs": crs, "heights": "ellipsoidal"})
+            if any(code == 9 for code, *_ in self.observations) or any(
+                f.code == 11 and f.levelled for f in self.frames
+            ):
+                self._use_middle(crs)
         else:
             draft.put("curvature", self._sphere(settings))
             for name, point in self.points.items():
@@ -296,7 +311,8 @@ class _Reader:
         free = settings.get("internal_constraints") == "true"
         tables = self._tables(projected)
         in_frames = self._put_frames(projected)
-        self._put_points(tables, free, in_frames, projected)
+        centred = self._put_centrings()
+        self._put_points(tables, free, in_frames, projected, centred)
         for type_, rows in tables.items():
             instrument = "comp3d" if type_ == "zenith_angle" else None
             if rows:
@@ -305,7 +321,7 @@ class _Reader:
         draft.put("settings", {"undetermined": "leave_out"})
         for what, places in self.skipped.items():
             draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
-        if not any(tables.values()) and not in_frames:
+        if not any(tables.values()) and not in_frames and not centred:
             draft.problem(f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}")
 
     def _sphere(self, settings: dict[str, str]) -> dict[str, object]:
@@ -325,12 +341,42 @@ class _Reader:
         places = [self.points[name].place for name in names if name in self.points] or [[0.0] * 3]
         return [sum(place[k] for place in places) / len(places) for k in range(3)]
 
+    def _use_middle(self, crs: str) -> None:
+        """Let the object system begin amid the points: attitudes refer to its axes."""
+        try:
+            system = reference_system(crs)
+        except ReferenceSystemError:
+            return
+        places = [point.place for point in self.points.values() if point.code in _OBSERVED] or [[0.0] * 3]
+        middle = system.to_geodetic(np.median(np.array(places), axis=0)[None])
+        if system.kind == "projected" and np.isfinite(middle).all():
+            self.system, self.middle = system, middle
+            for code, words, line, file in self.observations:
+                one, other = words[1:3]
+                for new, known in ((one, other), (other, one)) if code == 9 else ():
+                    if known in self.points and new not in self.points and new not in self.ignored:
+                        place = list(self.points[known].place)
+                        self.points[new] = _Point(0, place, [0.0] * 3, [0.0, 0.0], line, file)
+            latitude, longitude = np.degrees(middle[0, :2]).tolist()
+            self.draft.data["world"]["origin"] = {"latitude": f"{latitude!r} deg", "longitude": f"{longitude!r} deg"}
+
+    def _vertical(self, names: Sequence[str]) -> FloatArray:
+        """The plumb line amid points in a projection, in the axes of the object system."""
+        assert self.system is not None
+        known = [name for name in names if name in self.points]
+        place = self.system.to_geodetic(np.array([self._mean_place(known or self.points)]))
+        east, north = self.points[known[0]].deflection if known else (0.0, 0.0)
+        own, here = east_north_up(*self.middle[0, :2]), east_north_up(*place[0, :2])
+        up = here.T @ np.array([*np.radians(np.array([east, north]) / 3600.0), 1.0])
+        return np.asarray(own @ up / np.linalg.norm(up))
+
     def _level_attitude(self, origin: str, targets: Sequence[str]) -> list[float]:
         """ω and φ (gon) of a levelled frame: its third axis is the vertical of its origin, not that of the centre."""
-        place = self._mean_place([origin] if origin in self.points else targets)
+        names = [origin] if origin in self.points else targets
         if self.sphere is None:
-            return [0.0, 0.0]
-        x, y, z = self.sphere.local_axes(np.array([place]))[0, 2]
+            x, y, z = self._vertical(names)
+        else:
+            x, y, z = self.sphere.local_axes(np.array([self._mean_place(names)]))[0, 2]
         return [float(angle) * 200.0 / pi for angle in (np.arctan2(-y, z), np.arcsin(x))]
 
     def _tables(self, projected: bool) -> dict[str, list[Row]]:
@@ -344,7 +390,7 @@ class _Reader:
                 rounds[origin] = rounds.get(origin, 0) + 1
             if code < 0:
                 continue
-            if projected and code in _ON_A_SPHERE:
+            if projected and code in _ON_A_SPHERE and (code != 9 or self.system is None):
                 self.leave_out(f"{_ON_A_SPHERE[code]} in a projection (use_proj)", line, file)
                 continue
             try:
@@ -357,7 +403,19 @@ class _Reader:
                 continue
             b, *heights = [*rest, 0.0, 0.0, 0.0][:3]
             if code == 9:
-                tables["vector"] += self._centring(origin, target, a, b or a, line, file)
+                rows = self._centring(origin, target, a, b or a, line, file)
+                if projected and rows:
+                    name = f"{origin}@9.{len(self.centrings) + 1}"
+                    omega, phi = self._level_attitude(origin, [target])
+                    _, _, east, north, sigma_east, sigma_north = rows[0].cells
+                    self.centrings.append(
+                        (
+                            _row([name, origin, 1.0, omega, phi, 0.0], line),
+                            [Row([name, target, east, north, sigma_east, sigma_north], line)],
+                        )
+                    )
+                else:
+                    tables["vector"] += rows
                 continue
             lengths = in_plan if self.horizontal and code in (5, 7, 8) else distances
             length = lengths.get((origin, target)) or lengths.get((target, origin))
@@ -391,7 +449,7 @@ class _Reader:
             refused = ""
             if frame.code == 19 and not projected:
                 refused = "GNSS baselines (19) without a projection (use_proj)"
-            elif frame.code == 11 and frame.levelled and projected:
+            elif frame.code == 11 and frame.levelled and projected and self.system is None:
                 refused = "levelled frames (11) in a projection (use_proj)"
             if refused:
                 self.leave_out(refused, frame.line, frame.file)
@@ -443,6 +501,17 @@ class _Reader:
             )
         return names
 
+    def _put_centrings(self) -> set[str]:
+        """Write the centrings of a project in a projection, 0 across the plumb line; return their points."""
+        if not self.centrings:
+            return set()
+        frames = [frame for frame, _ in self.centrings]
+        rows = [row for _, rows in self.centrings for row in rows]
+        held = ("scale", "omega", "phi", "kappa")
+        self.draft.table("systems", ("id", "point", *held), frames, fixed=list(held))
+        self.draft.table("observations", ("system", "point", "x", "y", "sigma_x", "sigma_y"), rows, type="local")
+        return {str(row.cells[1]) for row in (*frames, *rows)}
+
     def _centring(self, origin: str, target: str, east: float, north: float, line: int, file: str) -> list[Row]:
         """Differences 0 of E and N; a negative σ switches one of them off."""
         if east <= 0.0 or north <= 0.0:
@@ -451,28 +520,39 @@ class _Reader:
         sigmas = [sigma if sigma > 0.0 else None for sigma in (east, north)]
         return [_row([origin, target, *at, *sigmas], line)] if any(sigmas) else []
 
-    def _distances(self) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+    def _distances(self) -> tuple[_Lengths, _Lengths]:
         """Distances between points: measured ones, else those between coordinates, adjusted ones if there are any.
 
-        The second value has the horizontal ones: between coordinates, else measured.
+        The second value has the horizontal ones: those between adjusted coordinates, else measured with a zenith
+        angle or the heights of the file, else those between its coordinates.
         """
         places = {name: point.place for name, point in self.points.items()} | self.adjusted
-        between, in_plan, measured = {}, {}, {}
+        zeniths, between, in_plan, measured, reduced = _Lengths(), _Lengths(), _Lengths(), _Lengths(), _Lengths()
+        for code, words, *_ in self.observations:
+            if code == 6 and _is_number(words[3]):
+                zeniths[words[1], words[2]] = parse_number(words[3]) * pi / 200.0
         for code, words, *_ in self.observations:
             names = (words[1], words[2])
             one, other = (places.get(name) for name in names)
+            rise = 0.0
             if one is not None and other is not None:
-                difference = [p - q for p, q in zip(one, other, strict=True)]
-                between[names], in_plan[names] = hypot(*difference), hypot(*difference[:2])
+                *plan, rise = (p - q for p, q in zip(one, other, strict=True))
+                between[names], in_plan[names] = hypot(*plan, rise), hypot(*plan)
             if code in (1, 3) and _is_number(words[3]):
-                measured[names] = measured[names[::-1]] = parse_number(words[3])
-        return between | measured, measured | in_plan
+                slope = parse_number(words[3])
+                zenith = zeniths.get(names, asin(min(abs(rise) / slope, 1.0)) + pi / 2.0)
+                measured[names] = measured[names[::-1]] = slope
+                if not {*names} <= self.adjusted.keys():
+                    reduced[names] = reduced[names[::-1]] = slope * abs(sin(zenith))
+        return between | measured, in_plan | reduced
 
-    def _put_points(self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool) -> None:
+    def _put_points(
+        self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool, centred: set[str]
+    ) -> None:
         draft = self.draft
         datum, flat = False, 0
         groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
-        used = {name for rows in tables.values() for row in rows for name in _ends(row)}
+        used = centred | {name for rows in tables.values() for row in rows for name in _ends(row)}
         with_height = in_frames | {name for type_ in _VERTICAL for row in tables[type_] for name in _ends(row)}
         for name, point in self.points.items():
             sigma: list[float | None] = [0.0 if axis in _HELD.get(point.code, ()) else None for axis in "xyz"]

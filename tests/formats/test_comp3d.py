@@ -267,10 +267,9 @@ def test_a_project_in_a_projection(tmp_path: Path) -> None:
     [
         ("8 A B 10 0.001\n", r"left out: azimuths \(8\) in a projection"),
         (
-            "9 A B 0 0.001\n14 A B 0 0.001\n",
-            r"plan coordinates \(9\) in a projection \(use_proj\); .* plan coordinates \(14\) in a projection",
+            "14 A B 0 0.001\n15 A B 0 0.001\n",
+            r"plan coordinates \(14\) in a projection \(use_proj\); .* plan coordinates \(15\) in a projection",
         ),
-        ("11 A @f.xyz V\n", "levelled frames"),
         ("11 A @none.xyz\n", "this file does not exist"),
         ("11 A f.xyz\n", r"found '11 A f\.xyz', expected a code, origin, @file"),
     ],
@@ -333,6 +332,10 @@ def test_the_distance_that_the_sigma_of_a_direction_depends_on(tmp_path: Path, v
     document = read_foreign(path)
     sigmas = [float(_rows(document, type_)[0]["sigma"]) for type_ in ("directions", "zenith_angle")]
     assert sigmas == pytest.approx([0.001 + 0.002 / distance * 200.0 / pi for distance in (expected, 26.0)])
+    (tmp_path / "sub" / "n.obs").write_text("7 A C 0 0.001 0.002\n6 A C 40 0.001\n3 A C 10 0.001\n3 A B 26 0.001\n")
+    own = 10.0 * np.sin(0.2 * pi) if expected < 26.0 else 10.0
+    (row,) = _rows(read_foreign(path), "directions")
+    assert float(row["sigma"]) == pytest.approx(0.001 + 0.002 / own * 200.0 / pi)
 
 
 def test_adjusted_coordinates_give_the_distances_of_sigmas(tmp_path: Path) -> None:
@@ -396,3 +399,35 @@ def test_the_project_beside_a_file_of_observations(tmp_path: Path) -> None:
     assert "no .comp file that is read says the coefficient of refraction" in notes
     path.write_text(other.read_text())
     assert ".comp" not in str(read_foreign(observations).notes)
+
+
+@pytest.mark.parametrize("levelled", [False, True], ids=["centring", "frame"])
+def test_plumb_lines_in_a_projection(tmp_path: Path, levelled: bool) -> None:
+    """C is 100 m below B, whose plumb line leans by 2 km/R against that amid the points: 0.03 m. Places by pyproj."""
+    plane = Transformer.from_crs("EPSG:4171", "EPSG:2154", always_xy=True)
+    longitude, latitude, height = 2.527, 48.5, 130.0
+    at_b = plane.transform(longitude, latitude)
+    path = write(tmp_path)
+    path.write_text(COMP.replace('"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'))
+    east, north = plane.transform(2.5, 48.5)
+    rows = [f"1 {name} {east + k:.4f} {north:.4f} 30 0 0 0" for k, name in enumerate(("A", "A2", "A3"))]
+    (tmp_path / "n.cor").write_text("\n".join([*rows, f"1 B {at_b[0]:.4f} {at_b[1]:.4f} {height} 0 0 0", ""]))
+    if levelled:
+        # axes east and north at B: those of a levelled frame are turned about the plumb line, as A and B tell
+        geocentric = Transformer.from_crs("EPSG:4965", "EPSG:4964", always_xy=True)
+        phi, lam = np.radians([latitude, longitude])
+        up = np.array([np.cos(phi) * np.cos(lam), np.cos(phi) * np.sin(lam), np.sin(phi)])
+        e = np.array([-np.sin(lam), np.cos(lam), 0.0])
+        axes = np.stack([e, np.cross(up, e), up])
+        origin = np.array(geocentric.transform(longitude, latitude, height))
+        to_a = axes @ (np.array(geocentric.transform(2.5, 48.5, 30.0)) - origin)
+        (tmp_path / "f.xyz").write_text(f"A {' '.join(f'{v:.5f}' for v in to_a)} 0.001\nC 0 0 -100 0.001\n")
+        (tmp_path / "sub" / "n.obs").write_text("11 B @../f.xyz V\n")
+    else:
+        (tmp_path / "sub" / "n.obs").write_text("9 B C 0 0.001 0.002\n4 B C -100.0 0.001\n")
+    assert "not read" not in str(read_foreign(path).notes)
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "places.csv").open(newline="") as file:
+        found = {row["id"]: row for row in csv.DictReader(file)}
+    place = [float(found["C"][name]) for name in ("east", "north", "height")]
+    assert place == pytest.approx([*at_b, height - 100.0], abs=2e-4)
