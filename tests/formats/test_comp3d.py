@@ -401,8 +401,12 @@ def test_the_project_beside_a_file_of_observations(tmp_path: Path) -> None:
     assert ".comp" not in str(read_foreign(observations).notes)
 
 
-@pytest.mark.parametrize("levelled", [False, True], ids=["centring", "frame"])
-def test_plumb_lines_in_a_projection(tmp_path: Path, levelled: bool) -> None:
+@pytest.mark.parametrize(
+    ("levelled", "deflection"),
+    [(False, (0.0, 0.0)), (True, (0.0, 0.0)), (False, (40.0, -20.0))],
+    ids=["centring", "frame", "deflection"],
+)
+def test_plumb_lines_in_a_projection(tmp_path: Path, levelled: bool, deflection: tuple[float, float]) -> None:
     """C is 100 m below B, whose plumb line leans by 2 km/R against that amid the points: 0.03 m. Places by pyproj."""
     plane = Transformer.from_crs("EPSG:4171", "EPSG:2154", always_xy=True)
     longitude, latitude, height = 2.527, 48.5, 130.0
@@ -411,7 +415,9 @@ def test_plumb_lines_in_a_projection(tmp_path: Path, levelled: bool) -> None:
     path.write_text(COMP.replace('"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'))
     east, north = plane.transform(2.5, 48.5)
     rows = [f"1 {name} {east + k:.4f} {north:.4f} 30 0 0 0" for k, name in enumerate(("A", "A2", "A3"))]
-    (tmp_path / "n.cor").write_text("\n".join([*rows, f"1 B {at_b[0]:.4f} {at_b[1]:.4f} {height} 0 0 0", ""]))
+    (tmp_path / "n.cor").write_text(
+        "\n".join([*rows, f"1 B {at_b[0]:.4f} {at_b[1]:.4f} {height} 0 0 0 {deflection[0]} {deflection[1]}", ""])
+    )
     if levelled:
         # axes east and north at B: those of a levelled frame are turned about the plumb line, as A and B tell
         geocentric = Transformer.from_crs("EPSG:4965", "EPSG:4964", always_xy=True)
@@ -430,4 +436,5 @@ def test_plumb_lines_in_a_projection(tmp_path: Path, levelled: bool) -> None:
     with (tmp_path / "out" / "places.csv").open(newline="") as file:
         found = {row["id"]: row for row in csv.DictReader(file)}
     place = [float(found["C"][name]) for name in ("east", "north", "height")]
-    assert place == pytest.approx([*at_b, height - 100.0], abs=2e-4)
+    east, north = np.subtract(at_b, 100.0 * np.radians(np.divide(deflection, 3600.0)))
+    assert place == pytest.approx([east, north, height - 100.0], abs=1e-3 if any(deflection) else 2e-4)
