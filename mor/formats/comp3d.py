@@ -115,8 +115,11 @@ def read_comp3d(path: Path) -> Document:
             raise InputError([Message(words, str(path))])
         reader.file(file, read)
         if kind == "COR":
-            reader.adjusted = _adjusted(file.with_suffix(".new"))
+            adjusted = file.with_suffix(".new")
+            reader.adjusted = _adjusted(adjusted, draft)
     reader.finish(path.stem, settings)
+    if reader.n_adjusted:
+        draft.note(f"its coordinates give the distances in {reader.n_adjusted} σ", file=str(adjusted))
     return draft.finish()
 
 
@@ -145,15 +148,19 @@ def _project_beside(path: Path, draft: Draft) -> Path | None:
     return [*same, *found, None][0]
 
 
-def _adjusted(path: Path) -> dict[str, list[float]]:
+def _adjusted(path: Path, draft: Draft) -> dict[str, list[float]]:
     """The coordinates that Comp3D has adjusted (``.new``: name, E, N, h, and σ), none if the file does not exist."""
-    found = {}
-    if path.is_file():
-        for _, words in _words(path, Draft(str(path))):
-            with suppress(ValueError):
-                name, *place = words[0], *map(parse_number, words[1:4])
-                if len(place) > 2:
-                    found[name] = place
+    found: dict[str, list[float]] = {}
+    try:
+        lines = list(_words(path, Draft(str(path)))) if path.is_file() else []
+    except InputError as error:
+        draft.notes += error.problems
+        return found
+    for _, words in lines:
+        with suppress(ValueError):
+            name, *place = words[0], *map(parse_number, words[1:4])
+            if len(place) > 2:
+                found[name] = place
     return found
 
 
@@ -204,6 +211,8 @@ class _Reader:
     observations: list[tuple[int, list[str], int, str]] = field(default_factory=list)
     adjusted: dict[str, list[float]] = field(default_factory=dict)
     """Coordinates of an adjustment by Comp3D, for the parts of σ that depend on the distance."""
+    n_adjusted: int = 0
+    """Number of the σ that use them."""
     refraction: float = _REFRACTION
     centre: list[float] = field(default_factory=list)
     """East, north and height of the centre of the local frame, empty if unknown."""
@@ -365,6 +374,8 @@ class _Reader:
         assert self.system is not None
         known = [name for name in names if name in self.points]
         place = self.system.to_geodetic(np.array([self._mean_place(known or self.points)]))
+        if not np.isfinite(place).all():  # far outside the projection, which is told of the point
+            place = self.middle
         east, north = self.points[known[0]].deflection if known else (0.0, 0.0)
         own, here = east_north_up(*self.middle[0, :2]), east_north_up(*place[0, :2])
         up = here.T @ np.array([*np.radians(np.array([east, north]) / 3600.0), 1.0])
@@ -422,6 +433,7 @@ class _Reader:
             if b and not length:
                 self.leave_out("parts of σ that depend on an unknown distance", line, file)
             elif length:
+                self.n_adjusted += b > 0.0 and {origin, target} <= self.adjusted.keys()
                 a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
             if a <= 0.0:
                 self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)

@@ -350,6 +350,7 @@ def test_adjusted_coordinates_give_the_distances_of_sigmas(tmp_path: Path) -> No
     assert float(_rows(document, "vector")[1]["sigma_dy"]) == pytest.approx(0.101)
     (tmp_path / "n.cor").write_text("1 A 1000 2000 5 0.01 0.01 0\n0 B 1030 2040 5\n")
     assert read_foreign(path).data["observations"] == document.data["observations"]
+    assert "n.new: its coordinates give the distances in 2 σ" in " ".join(map(str, document.notes))
 
 
 @pytest.mark.parametrize("projected", [False, True])
