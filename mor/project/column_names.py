@@ -178,8 +178,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {
             "from": NAMES.from_,
             "to": NAMES.to,
-            "dz": "dz|dh|lv|lvvalue|高差|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee"
-            "|desnivel|dislivello|przewyzszenie|roznicawysokosci|yuekseklikfarki|kotfarki|превышение|bedatinggi",
+            "dz": NAMES.height_difference,
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{NAMES.standard_deviation}",
