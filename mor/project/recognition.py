@@ -42,6 +42,7 @@ from mor.project.document import plain
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.project.tidying import (
     TableRows,
+    image_points_of_matrix,
     tables_in,
     tell_elevations,
     tidied_rows,
@@ -184,7 +185,8 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[str]) -> list[Foun
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
     named = tuple(row if any(map(number_in, row)) else with_hairs(row) for row in blank)
-    blocks = tables_in(with_whole_angles(named), cells.lines)
+    by_image = image_points_of_matrix(blank)
+    blocks = [TableRows(by_image, cells.lines[:1])] if by_image else tables_in(with_whole_angles(named), cells.lines)
     found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):

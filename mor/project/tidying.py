@@ -55,6 +55,8 @@ _HAIRS = tuple(
 )
 """Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
 _HAIRED_NAMES = {"back": NAMES.back.split("|"), "fore": NAMES.fore.split("|"), "between": NAMES.between.split("|")}
+_PLACE = re.compile(r"[(\[]?\s*([-+]?\d+(?:\.\d*)?)\s*[,;]\s*([-+]?\d+(?:\.\d*)?)\s*[)\]]?")
+"""x and y in one cell."""
 _STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
 """Columns that hold for the rows below as well, until another station stands there."""
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
@@ -551,6 +553,19 @@ def with_image(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     below = (("image", *(() if own else (str(k),)), *row) for k, row in enumerate(rows[1:], start=1))
     words = "no column names the image of the points: it is called 'image'"
     return ((*added, *rows[0]), *below), (words,) if own else (words, "points without names are numbered")
+
+
+def image_points_of_matrix(rows: Cells) -> Cells:
+    """Rows image, point, x, y of a matrix with a row for each point and a column for each image; empty for others."""
+    if len(rows) < 2 or len(rows[0]) < 3 or any(map(fits_a_table, rows[:TITLES])):
+        return ()
+    header, body = rows[0], rows[1:]
+    filled = [(k, row[0], row[k].strip()) for row in body for k in range(1, len(row)) if row[k].strip()]
+    cells = [(k, point, _PLACE.fullmatch(cell)) for k, point, cell in filled]
+    if not cells or not all(match for *_, match in cells) or len(set(header)) < len(header):
+        return ()
+    found = ((header[k].strip(), point.strip(), match[1], match[2]) for k, point, match in cells if match)
+    return (("image", "point", "x", "y"), *found)
 
 
 def without_zeros(rows: Cells) -> tuple[Cells, tuple[str, ...]]:

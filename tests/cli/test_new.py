@@ -707,6 +707,14 @@ def test_the_points_of_one_image_need_no_names(tmp_path: Path, capsys: pytest.Ca
     assert (tmp_path / "n_t.csv").read_text().splitlines()[:2] == ["image,point,x,y,X,Y,Z", "image,1,-1,2,10,20,3"]
 
 
+def test_a_matrix_of_image_points(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "t.csv").write_text('point_id,a.jpg,b.jpg\nP0,"293,235","(173.5, 69)"\nP1,,"206,22"\n')
+    assert run(["new", str(tmp_path / "n.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert "t.csv: image, 3 rows" in capsys.readouterr().err
+    rows = (tmp_path / "n_t.csv").read_text().splitlines()
+    assert rows == ["image,point,x,y", "a.jpg,P0,293,235", "b.jpg,P0,173.5,69", "b.jpg,P1,206,22"]
+
+
 def test_the_row_in_face_2_has_the_target_above_it(tmp_path: Path) -> None:
     rows = "S,T1,1,0.001,97\n,,2,199.999,303\n,T2,1,69.262,95\n,,2,269.26,305\n"
     (tmp_path / "t.csv").write_text(f"station,target,face,hz,v\n{rows}")
