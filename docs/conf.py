@@ -87,6 +87,7 @@ CHAPTERS = {
             f"formats/{page}"
             for page in (
                 "gkf",
+                "textbook",
                 "starnet",
                 "jag3d",
                 "comp3d",

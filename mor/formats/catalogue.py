@@ -144,6 +144,7 @@ FORMATS: dict[str, FileFormat] = {
         suffixes=(".script",),
         untried="no project of JAG3D was available: this reader follows the tables that its source makes",
     ),
+    "textbook": FileFormat("textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)),
     "photomodeler": FileFormat("PhotoModeler text export", Code("mor.formats.photomodeler", "read_photomodeler")),
     "dbat": FileFormat("DBAT script (XML with the tables it names)", Code("mor.formats.dbat", "read_dbat")),
     "pix4d": FileFormat(

@@ -1168,6 +1168,17 @@ def _idx(sample: Sample) -> bool:
     return head or re.search(r"^\s*(?:SLOPE|POINTS)\(.*\)\s*$", sample.text, re.MULTILINE | re.IGNORECASE) is not None
 
 
+def _sections(sample: Sample) -> bool:
+    """A section that a network has, in brackets: an INI file has others."""
+    return not sample.root and _SECTION.search(sample.text) is not None
+
+
+_SECTION = re.compile(
+    r"^\s*\[\s*(?:project|coordinates|datum|sigma0|\w*(?:distance|bearing|angle|direction|difference)s)\b",
+    re.MULTILINE | re.IGNORECASE,
+)
+
+
 def _bal(sample: Sample) -> bool:
     lines = [words for words in sample.lines[:4] if words]
     if len(lines) < 2 or len(lines[0]) != 3 or not all(word.isdecimal() for word in lines[0]):
@@ -1305,6 +1316,7 @@ _SIMILAR = {
     "pix4d-cam": r"(?:F|Px|Py|K\d|T\d) [-\d.]",
     "bundler": r"# Bundle",
     "metashape-reference": r"#|[^,]*,(?:[-\d.]*,){3}",
+    "textbook": r"\s*\[",
     "jag3d-script": r"(?:CREATE|INSERT|SET) ",
 }
 """How lines of each format of text begin, less strict than its rule, the usual formats first: for unknown files."""
@@ -1364,6 +1376,7 @@ _RULES: tuple[_Rule, ...] = (
     _if("comp3d", _comp3d, "codes, names and numbers of Comp3D"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),
     _if("jag3d-script", lambda s: '"PointApriori"' in s.text and "TABLE" in s.text, "tables of JAG3D"),
+    _if("textbook", _sections, "sections as in [Coordinates]", certain=False),
     _if("gcp", _gcp, "a coordinate system, then x y z u v and an image a line", certain=False),
     _if("bal", _bal, "three counts, then four numbers a line", certain=False),
     _if("snap", _snap, "the commands of SNAP"),

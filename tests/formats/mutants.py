@@ -94,6 +94,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_snap import STATIONS as SNAP_STATIONS
     from .test_starnet import PROJECT as STARNET_PROJECT
     from .test_starnet import _on_earth, _space
+    from .test_textbook_reader import PLANE as TEXTBOOK
 
     def written_by(key: str, name: str) -> Files:
         source = Path(tempfile.mkdtemp(dir=folder))
@@ -183,6 +184,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "gkf": ("gkf", "n.gkf", {"n.gkf": _GKF.encode()}),
         "gcp": ("gcp", "gcp_list.txt", {"gcp_list.txt": _GCP.encode()}),
         "bundler": ("bundler", "bundle.out", {"bundle.out": _BUNDLER.encode()}),
+        "textbook": ("textbook", "n.dat", {"n.dat": TEXTBOOK.encode()}),
         "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),
         "geodimeter": ("geodimeter", "a.job", {"a.job": _GEODIMETER.encode()}),
     }

@@ -16,7 +16,6 @@ from tests.reference_data import (
     network_of_yaml,
     reference_file,
 )
-from tools.textbook import read_krumm
 
 FROM_FILES = [path for path in NETWORKS if "file" in expected_values(path)]
 
@@ -24,8 +23,7 @@ FROM_FILES = [path for path in NETWORKS if "file" in expected_values(path)]
 @pytest.mark.parametrize("path", FROM_FILES, ids=network_name)
 def test_the_file_holds_the_same_network(path):
     file = reference_file(expected_values(path)["file"])
-    document = read_krumm(file) if file.suffix == ".dat" else read_foreign(file)
-    read = network_of(document, file.parent)
+    read = network_of(read_foreign(file), file.parent)
     kept = network_of_yaml(path.read_text(encoding="utf-8"), path.parent)
     assert read.project.settings.dimensions == kept.project.settings.dimensions
     assert read.project.settings.sigma0 == kept.project.settings.sigma0

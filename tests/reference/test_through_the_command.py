@@ -44,6 +44,7 @@ SETTLED_CASES = {
     "control_far_says_datum_undefined/project.yaml",
     "control_rough_poses/project.yaml",
     "correlated_vector_crash.yaml",
+    "dynamic_datum_crash.dat",
     "one_direction_in_a_set/project.yaml",
     "set_in_two_tables.yaml",
     "shared_covariance_crash.yaml",
@@ -64,7 +65,7 @@ def _found() -> list[object]:
     for path in sorted(SAMPLES.glob("*/project.yaml")):
         marks = [pytest.mark.slow] if path.parent.name in LONG_SAMPLES else []
         found.append(pytest.param(Project(path), True, id=path.parent.name, marks=marks))
-    for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"))):
+    for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"), *CASES.glob("*.dat"))):
         name = path.relative_to(CASES).as_posix()
         marks = [pytest.mark.slow] if name in LONG_CASES else []
         found.append(pytest.param(Project(path), name in SETTLED_CASES, id=name, marks=marks))

@@ -37,6 +37,7 @@ def all_material() -> list[Material]:
         *_kinds(),
         *_cases(),
         *_one_file("gama", "*.gkf"),
+        *_one_file("textbook", "**/*.dat"),
         *_folders(),
     ]
 

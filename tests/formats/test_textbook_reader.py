@@ -7,14 +7,14 @@ import pytest
 
 from mor.api.pipeline import solve_network
 from mor.errors import InputError
+from mor.formats import read_foreign
 from tests.reference_data import network_of, observations, point_results
-from tools.textbook import read_krumm
 
 
 def _document(tmp_path, text):
     path = tmp_path / "network.dat"
     path.write_text(text, encoding="utf-8")
-    return read_krumm(path)
+    return read_foreign(path)
 
 
 def _solve(tmp_path, text):
@@ -168,14 +168,14 @@ A C 2.0010 2000
 def test_a_covariance_matrix_or_a_triangle_of_it(tmp_path, datum):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum=datum))
-    observed = read_krumm(path).data["observations"][0]
+    observed = read_foreign(path).data["observations"][0]
     assert np.array(observed["covariance"], dtype=float).tolist() == [[1e-6, 2e-7], [2e-7, 4e-6]]
 
 
 def test_standard_deviations_of_a_dynamic_datum(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 0.001\nB 0.002"))
-    observed = read_krumm(path).data["observations"][0]
+    observed = read_foreign(path).data["observations"][0]
     np.testing.assert_allclose(np.array(observed["covariance"], dtype=float), [[1e-6, 0.0], [0.0, 4e-6]], rtol=1e-15)
 
 
@@ -183,14 +183,14 @@ def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 1 2 3\nB 1"))
     with pytest.raises(InputError, match="found rows of 3, 1 numbers, 2 observed coordinates need a σ each"):
-        read_krumm(path)
+        read_foreign(path)
 
 
 def test_observed_coordinates_in_two_sections(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 1e-6 2e-7\nB 2e-7 4e-6\n[Datum]\ndyn\nA 1e-6 2e-7\nB 2e-7 4e-6"))
     with pytest.raises(InputError, match=r"observed coordinates are in two sections \[Datum\]"):
-        read_krumm(path)
+        read_foreign(path)
 
 
 def test_sections_that_few_networks_have(tmp_path):
@@ -203,7 +203,7 @@ def test_sections_that_few_networks_have(tmp_path):
         "[TrigonometricHeightDifferences]\nB C 1.0 0.005\n[PositionAngles]\nB Six#Mile C 64.4 0.001\n"
         "[SpatialDistances]\nB C 94.34 0.01\n"
     )
-    document = read_krumm(path)
+    document = read_foreign(path)
     types = [table["type"] for table in document.data["observations"]]
     assert types == ["horizontal_distance", "bearing", "height_difference", "spatial_angle", "distance"]
     assert document.data["observations"][1]["rows"] == [["Six#Mile", "B", "90°0'0\"", "30 arcsec"]]

@@ -1,8 +1,4 @@
-"""Read the networks of F. Krumm's *Geodetic Network Adjustment Examples*, as reference data.
-
-A file has sections ``[Name,unit of values,unit of σ]``; ``%`` begins a comment. A σ holds for the lines below it. x is
-east, y north, bearings count clockwise from north; m and gon where nothing else is said.
-"""
+"""Read networks of textbooks."""
 
 from __future__ import annotations
 
