@@ -328,7 +328,7 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
             _problem_at,
             (lambda some, values: Attempt(_plainly(some, values, watch)))
             if plainly
-            else (lambda some, values: _attempt(some, values, watch)),
+            else (lambda some, values: _attempt(some, values, watch, values["point"] is start["point"])),
             lambda some, values: Attempt(_plainly(some, values, watch)),
             critical_value(network.project.settings.snooping_level),
         )
@@ -360,10 +360,15 @@ def _problem_at(network: Network, values: Mapping[str, FloatArray]) -> Problem:
     return make_problem(network, values, values)
 
 
-def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
-    """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
+def _attempt(
+    network: Network, start: Mapping[str, FloatArray], watch: Watcher | None, is_first: bool = False
+) -> Attempt:
+    """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out.
+
+    Only the ``is_first`` of several attempts asks whether the cameras are determined at all.
+    """
     plain = _plainly(network, start, watch)
-    weak = _too_weak(plain, levels(network.project.settings))
+    weak = _too_weak(plain, levels(network.project.settings)) if is_first else None
     if weak is not None and weak.defect.is_of_cameras:
         return Attempt(weak)
     if len(plain.gone):
