@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     metavar="TABLE NAMES",
     type=(str, str),
     multiple=True,
-    help="Names of the columns of a table without a header, or in place of it: a,b,c; - for one not used.",
+    help="Names of the columns of a table, instead of its header if it has one: a,b,c; - for one not used.",
 )
 @force_option
 def command(

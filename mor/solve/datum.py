@@ -185,7 +185,7 @@ class Defect:
 
     @property
     def is_of_cameras(self) -> bool:
-        """Whether camera constants are beyond use, and with them all else that is: no other start values help."""
+        """True where camera constants are beyond use: then no other start values help."""
         return any(kind.startswith("interior/") for one in self.beyond_use[:1] for kind, _, _ in one.unknowns)
 
     @cached_property

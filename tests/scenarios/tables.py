@@ -272,18 +272,14 @@ def _sheet_rows(text: str) -> str:
     return "".join(rows)
 
 
-def _named(world: World, columns: Sequence[Column], used: list[str]) -> dict[str, Column] | None:
-    """Columns by drawn names; ``None`` if a name says nothing alone, as ``h`` for a height and a horizontal circle."""
+def _named(world: World, columns: Sequence[Column]) -> dict[str, Column]:
+    """Columns by drawn names that mean nothing else, unlike ``h`` for a height or a horizontal circle."""
     elsewhere = Counter(name for words in _LISTS.values() for name in words.split("|"))
     found = dict[str, Column]()
     for column in columns:
-        names = [
-            name for name in column.names.split("|") if elsewhere[name] <= 1 and len(name) > 1 and name not in used
-        ]
-        name = str(world.random.choice(names))
-        found[name] = column
-        used.append(name)
-    return found if len(found) == len(columns) else None
+        alone = [name for name in column.names.split("|") if elsewhere[name] <= 1 and len(name) > 1]
+        found[str(world.random.choice([name for name in alone if name not in found]))] = column
+    return found
 
 
 def _dms(degrees: float, form: str) -> str:
@@ -298,8 +294,7 @@ def written(seed: int, folder: Path) -> tuple[str, list[Path], World]:
     survey = str(random.choice(list(SURVEYS)))
     paths = []
     for role, columns in SURVEYS[survey][0](here).items():
-        named = _named(here, columns, [])
-        assert named is not None
+        named = _named(here, columns)
         order = [list(named)[k] for k in random.permutation(len(named))]
         if random.random() < 0.6:
             order = list(named)
