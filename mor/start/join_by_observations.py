@@ -261,24 +261,61 @@ def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> GroupRow
 def residuals(rows: list[GroupRows], sides: Sides, moves: SimilarityTransformations) -> FloatArray:
     """(k, n) misclosures of all rows, in units of what they are good to."""
     k = len(moves.scale)
-    points, turns = placed(sides, moves)
+    there = placed(sides, moves)
     found = [np.zeros((k, 0))]
+    found += [_misclosures(one, _computed(one, *there)[0])[:, one.group.mask] for one in rows]
+    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=BEYOND), -BEYOND, BEYOND)
+
+
+BEYOND = 1e6
+"""Misclosure that cannot be computed, and the largest, in units of what rows are good to: it changes no more."""
+
+
+def _computed(one: GroupRows, points: FloatArray, turns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+    """Values (k, n, m) of rows at k places of everything, and their derivatives (k, n, m, size), one per slot."""
+    k, n = len(points), one.group.count
+    blocks: list[FloatArray] = []
+    for slot, given in zip(one.group.type.slots, one.blocks, strict=True):
+        if slot.kind == "point":
+            blocks.append(points[:, given.astype(np.int64)].reshape(k * n, 3))
+        elif slot.kind == "rotation":
+            blocks.append(turns[:, given.astype(np.int64)].reshape(k * n, 3, 3))
+        else:
+            blocks.append(np.tile(given, (k, *(1,) * (given.ndim - 1))))
+    with np.errstate(all="ignore"):
+        computed = one.group.type.equation(blocks, np.tile(one.group.constants, (k, 1)))
+    return computed.values.reshape(k, n, -1), [one.reshape(k, n, *one.shape[1:]) for one in computed.jacobians]
+
+
+def _misclosures(one: GroupRows, values: FloatArray) -> FloatArray:
+    off = values - one.group.observed
+    return np.asarray(np.where(one.group.type.wraps, wrap(off), off) / one.sigma)
+
+
+def derivatives(
+    rows: list[GroupRows], sides: Sides, moves: SimilarityTransformations, beside: SimilarityTransformations
+) -> FloatArray:
+    """(k, n, u) changes of the misclosures of k movements, by equation, to u movements ``beside`` each (k · u)."""
+    k, u = len(moves.scale), len(beside.scale) // len(moves.scale)
+    points, turns = placed(sides, moves)
+    other_points, other_turns = placed(sides, beside)
+    shifts = np.moveaxis(other_points.reshape(k, u, *points.shape[1:]) - points[:, None], 1, 3)
+    small = other_turns.reshape(k, u, *turns.shape[1:]) @ np.swapaxes(turns, 2, 3)[:, None]
+    # D' = exp(−[δ]×) D
+    delta = 0.5 * np.stack([small[..., j, i] - small[..., i, j] for i, j in ((2, 1), (0, 2), (1, 0))], axis=3)
+    turned = np.moveaxis(delta, 1, 3)
+    found = [np.zeros((k, 0, u))]
     for one in rows:
-        n = one.group.count
-        blocks: list[FloatArray] = []
-        for slot, given in zip(one.group.type.slots, one.blocks, strict=True):
-            if slot.kind == "point":
-                blocks.append(points[:, given.astype(np.int64)].reshape(k * n, 3))
-            elif slot.kind == "rotation":
-                blocks.append(turns[:, given.astype(np.int64)].reshape(k * n, 3, 3))
-            else:
-                blocks.append(np.tile(given, (k, *(1,) * (given.ndim - 1))))
-        with np.errstate(all="ignore"):
-            computed = one.group.type.equation(blocks, np.tile(one.group.constants, (k, 1))).values
-        off = computed.reshape(k, n, -1) - one.group.observed
-        off = np.where(one.group.type.wraps, wrap(off), off) / one.sigma
-        found.append(off[:, one.group.mask])
-    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=1e6), -1e6, 1e6)
+        values, by_slot = _computed(one, points, turns)
+        change = np.zeros((*values.shape, u))
+        for slot, given, by_block in zip(one.group.type.slots, one.blocks, by_slot, strict=True):
+            if slot.kind in ("point", "rotation"):
+                moved = shifts if slot.kind == "point" else turned
+                change += by_block @ moved[:, given.astype(np.int64)]
+        change /= one.sigma[:, :, None]
+        fixed = ~(np.abs(_misclosures(one, values)) < BEYOND)
+        found.append(np.where(fixed[..., None], 0.0, change)[:, one.group.mask])
+    return np.nan_to_num(np.concatenate(found, axis=1))
 
 
 def placed(sides: Sides, moves: SimilarityTransformations) -> tuple[FloatArray, FloatArray]:
@@ -326,6 +363,9 @@ class Searched(Protocol[States]):
     def residuals(self, states: States) -> FloatArray:
         """(k, n) of k states."""
 
+    def derivatives(self, states: States) -> FloatArray:
+        """(k, n, unknowns) of k states."""
+
     def moved(self, states: States, steps: FloatArray) -> States:
         """States after steps (k, unknowns)."""
 
@@ -351,7 +391,7 @@ def minima(searched: Searched[States], starts: States) -> Minima:
     states, off = _iterated(searched, states, 30, 5.0)
     order = np.argsort(_objectives(off, 1.0), kind="stable")
     states, off = some(states, order), off[order]
-    return Minima(states, _objectives(off, 1.0), off, _derivatives(searched, some(states, np.array([0])), off[:1])[0])
+    return Minima(states, _objectives(off, 1.0), off, searched.derivatives(some(states, np.array([0])))[0])
 
 
 def some(states: States, numbers: IntArray) -> States:
@@ -363,15 +403,6 @@ def _objectives(off: FloatArray, width: float) -> FloatArray:
     return np.asarray(np.log1p(np.square(off / width)).sum(axis=1))
 
 
-def _derivatives(searched: Searched[States], states: States, off: FloatArray) -> FloatArray:
-    """(k, n, u) by differences, all unknowns of all states in one call."""
-    count, unknowns = len(off), searched.unknowns
-    many = some(states, np.repeat(np.arange(count), unknowns))
-    there = searched.residuals(searched.moved(many, np.tile(1e-6 * np.eye(unknowns), (count, 1))))
-    change = there.reshape(count, unknowns, -1) - off[:, None, :]
-    return np.asarray(np.swapaxes(change, 1, 2) / 1e-6)
-
-
 def _iterated(searched: Searched[States], states: States, steps: int, width: float) -> tuple[States, FloatArray]:
     """Steps that are not taken where they make it worse; large residuals count ever less."""
     off = searched.residuals(states)
@@ -380,7 +411,7 @@ def _iterated(searched: Searched[States], states: States, steps: int, width: flo
     for step in range(steps):
         wide = max(1.0, width * (1.0 - step / (0.6 * steps)))
         root = 1.0 / np.hypot(1.0, off / wide)
-        rows = _derivatives(searched, states, off) * root[:, :, None]
+        rows = searched.derivatives(states) * root[:, :, None]
         normal = np.swapaxes(rows, 1, 2) @ rows
         diagonal = np.einsum("kii->ki", normal)
         load = damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
@@ -421,6 +452,8 @@ class Stance(NamedTuple):
 
 
 KNOWN = Stance(FreeRotation.NONE, False, False)
+STEP = 1e-6
+"""Step of differences: places change nearly in proportion, and are known to 1e-16 of their size."""
 
 
 def stance_of(target: Part, source: Part) -> Stance:
@@ -482,9 +515,20 @@ class Search(NamedTuple):
     def residuals(self, states: SimilarityTransformations) -> FloatArray:
         """(k, n) in units of what everything is good to."""
         off = residuals(self.rows, self.sides, states)
+        return np.concatenate([off, self._beside_goal(states)], axis=1)
+
+    def derivatives(self, states: SimilarityTransformations) -> FloatArray:
+        """(k, n, unknowns): those of the equations, and differences of places and turns."""
+        k, u = len(states.scale), self.unknowns
+        beside = self.moved(some(states, np.repeat(np.arange(k), u)), np.tile(STEP * np.eye(u), (k, 1)))
+        there = self._beside_goal(beside).reshape(k, u, -1) - self._beside_goal(states)[:, None]
+        change = derivatives(self.rows, self.sides, states, beside)
+        return np.asarray(np.concatenate([change, np.swapaxes(there, 1, 2)], axis=1) / STEP)
+
+    def _beside_goal(self, states: SimilarityTransformations) -> FloatArray:
         moved = states.scale[:, None, None] * (self.own @ np.swapaxes(states.rotation, 1, 2))
         there = (moved + states.shift[:, None, :] - self.goal) / self.goal_sigma
-        return np.concatenate([off, there[:, np.isfinite(self.goal)]], axis=1)
+        return np.asarray(there[:, np.isfinite(self.goal)])
 
     def moved(self, states: SimilarityTransformations, steps: FloatArray) -> SimilarityTransformations:
         """States after steps (k, unknowns): parts of the size, radians, logarithms of scale and unit."""

@@ -23,6 +23,10 @@ class Distances:
         away = states.x[:, None, :] - self.centres
         return (np.linalg.norm(away, axis=2) - self.lengths) / 1e-3
 
+    def derivatives(self, states):
+        away = states.x[:, None, :] - self.centres
+        return away / np.linalg.norm(away, axis=2)[:, :, None] / 1e-3
+
     def moved(self, states, steps):
         return Places(states.x + steps)
 

@@ -9,6 +9,7 @@ import mor
 from mor.api.pipeline import read_document, read_network
 from mor.model.contract import some_rows
 from mor.model.rotations import exponential
+from mor.start import join_by_observations
 from mor.start.bundle import Similarity, SimilarityOutcome
 from mor.start.join_by_observations import SEARCHED, tie_by_observations
 from mor.start.part import empty_part
@@ -225,3 +226,23 @@ def test_a_table_of_which_no_row_is_left_ties_nothing(tmp_path):
     network, scene, target, source = two_parts(distances(at, draw), at, tmp_path)
     empty = replace(network, groups=(*network.groups, some_rows(network.groups[0], np.zeros(0, dtype=np.int64))))
     assert tie_by_observations(empty, target, source, scene) is not None
+
+
+@pytest.mark.parametrize(
+    "observed", [distances, spatial_angles, zenith_angles_and_distances, directions_of_one_station]
+)
+def test_derivatives_of_a_search_are_those_of_its_residuals(observed, tmp_path, monkeypatch):
+    draw = np.random.default_rng(8)
+    at = places(draw)
+    network, scene, target, source = two_parts(observed(at, draw), at, tmp_path)
+    searches = []
+    monkeypatch.setattr(join_by_observations, "minima", lambda search, _: searches.append(search) or None)
+    monkeypatch.setattr(join_by_observations, "_judged", lambda *_: None)
+    tie_by_observations(network, target, source, scene)
+    (search,) = searches
+    states = join_by_observations.some(join_by_observations.starts(search), np.arange(3))
+    analytic = search.derivatives(states)
+    for unknown, step in enumerate(1e-6 * np.eye(search.unknowns)):
+        there, back = (search.residuals(search.moved(states, np.tile(sign * step, (3, 1)))) for sign in (1.0, -1.0))
+        differences = (there - back) / 2e-6
+        np.testing.assert_allclose(analytic[:, :, unknown], differences, rtol=1e-4, atol=1e-4 * np.abs(analytic).max())
