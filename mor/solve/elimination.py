@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
 
 from mor.linalg import compilation
-from mor.linalg.block_matrix import BlockMatrix, BlockStructure, DensePart, dense_part
+from mor.linalg.block_matrix import BlockMatrix, BlockStructure, DensePart, dense_part, find_blocks
 from mor.model.contract import Computed
 from mor.model.parameters import Values
 from mor.solve import clique_kernels, cofactor_kernels, moving_ray_kernels, product_kernels, ray_kernels
@@ -19,7 +20,7 @@ from mor.solve.problem import Problem, rotation_tangents
 from mor.solve.product_kernels import ImageRays, ReducedSystemArrays
 from mor.solve.ray_kernels import ALONG, MOVING, FrameChange, FrameValues, RayMeasurements
 from mor.solve.rays import Chunk, GroupFrames, RayPlan, frame_change, frame_values
-from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray, ranges
 
 # ---- Rays: two whitened observations each, from a frame to a point, linearised.
 
@@ -109,13 +110,17 @@ def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
 # ---- Point elimination in plain numpy: what the compiled kernels do, readable, and what small projects are
 # adjusted with.
 #
-# Some points at a time are eliminated together. With N_pp = L Lᵀ, every ray of a point couples it with its
-# frame by V_i = j_iᵀ a_i L⁻ᵀ. Written into one dense matrix V, unknowns of all their frames × 3 coordinates
-# of each point, they leave −V Vᵀ to the reduced system: one product of dense matrices, which costs less than
-# to look up where each pair of rays goes, as long as the matrix stays small.
+# With N_pp = L Lᵀ, every ray of a point couples it with its frame by V_i = j_iᵀ a_i L⁻ᵀ, and the points leave
+# −Σ V_i V_jᵀ to the reduced system. Where the rays of a chunk meet few unknowns, all V_i are written into one dense
+# matrix V, unknowns of all their frames × 3 coordinates of each point: V Vᵀ is one product. Else all pairs of rays of a
+# point are multiplied, and those of the same two frames are added up before it is looked up where they go.
 
-# Entries of the dense matrices, above which fewer points are taken at a time: beyond it most of them are zero.
-_ENTRIES_AT_A_TIME = 1_000_000
+_ALWAYS_DENSE, _MOST_ENTRIES = 1_000_000, 20_000_000
+"""Entries of a dense matrix up to which it is taken whatever it costs, and at most."""
+_OF_AN_ENTRY, _OF_A_POINT, _OF_A_PAIR = 10.0, 0.3, 5.0
+"""ns for an entry of a dense matrix that is added, for what a point adds to it, and for an entry of a pair of rays."""
+_PAIRS_SORTED, _PAIRS_AT_A_TIME = 500_000, 16_384
+"""Pairs of rays that are put in order, and that are multiplied together: large arrays are slow to get."""
 
 
 @dataclass(frozen=True)
@@ -124,18 +129,18 @@ class _DenseRays:
 
     Attributes:
         rays: rays of whole points.
-        dense: the unknowns of their frames in the reduced system.
+        part: the unknowns of their frames in the reduced system.
         local: (f, K) number of each column of the frames in the dense matrix; one beyond it where fixed.
     """
 
     rays: Rays
-    dense: DensePart
+    part: DensePart
     local: IntArray
 
     @cached_property
     def point(self) -> IntArray:
         """(n,) point of each ray."""
-        return np.repeat(np.arange(self.rays.points, dtype=np.int64), np.diff(self.rays.point_pointers))
+        return _point_of_rays(self.rays)
 
     @cached_property
     def of_rays(self) -> IntArray:
@@ -145,7 +150,7 @@ class _DenseRays:
     @property
     def order(self) -> int:
         """Order of the dense matrix, one row for all that is fixed included."""
-        return self.dense.unknowns.size + 1
+        return self.part.unknowns.size + 1
 
     def spread(self, of_rays: FloatArray) -> FloatArray:
         """(order, p, 3) sums of what rays (n, K, 3) have in common with their points."""
@@ -156,18 +161,13 @@ class _DenseRays:
         )
         return flat.reshape(self.order, -1, 3)
 
-    def summed(self, of_rays: FloatArray) -> FloatArray:
-        """(order,) sums of numbers (n, K) over the rays."""
-        total = np.bincount(self.of_rays.ravel(), weights=of_rays.ravel(), minlength=self.order)
-        return np.asarray(total, dtype=np.float64)
-
     def own_products(self) -> FloatArray:
         """(order, order) Σ jᵀj, without the points."""
         rays = self.rays
         order = np.argsort(rays.frame, kind="stable")
         frames, first = np.unique(rays.frame[order], return_index=True)
         others = rays.by_others[order]
-        of_frames = np.add.reduceat(others.transpose(0, 2, 1) @ others, first, axis=0)
+        of_frames = np.add.reduceat(_transposed(others) @ others, first, axis=0)
         local = self.local[frames]
         places = local[:, :, None] * self.order + local[:, None, :]
         flat = np.bincount(places.ravel(), weights=of_frames.ravel(), minlength=self.order**2)
@@ -176,24 +176,35 @@ class _DenseRays:
 
 def accumulate_by_numpy(rays: Rays, system: ReducedSystem, damping: float) -> tuple[BoolArray, FloatArray]:
     """Add what the points leave to the reduced system in place; return (p, 3) coordinates held, and −Σ aᵀ residual."""
-    held, gradient = [np.empty((0, 3), dtype=np.bool_)], [np.empty((0, 3))]
-    for part in _parts(rays, system.matrix.structure):
-        mine = part.rays
-        roots, vanished = _inverse_roots(mine, damping)
-        of_points = _sum_by_point(mine, -np.einsum("ncj,nc->nj", mine.by_point, mine.residual))
-        V = _coupling(mine) @ roots[part.point].transpose(0, 2, 1)
-        u = np.einsum("pij,pj->pi", roots, of_points)
-        flat = part.spread(V).reshape(part.order, -1)
-        part.dense.add_to(system.matrix.values, (part.own_products() - flat @ flat.T)[:-1, :-1])
-        own = -np.einsum("nck,nc->nk", mine.by_others, mine.residual)
-        left = own - np.einsum("nkj,nj->nk", V, u[part.point])
-        unknowns = part.dense.unknowns
-        system.gradient[unknowns] += part.summed(own)[:-1]
-        system.right_hand_side[unknowns] += part.summed(left)[:-1]
-        system.diagonal[unknowns] += part.summed(np.square(mine.by_others).sum(axis=1))[:-1]
-        held.append(vanished)
-        gradient.append(of_points)
-    return np.concatenate(held), np.concatenate(gradient)
+    roots, vanished = _inverse_roots(rays, damping)
+    of_points = _sum_by_point(rays, -np.einsum("ncj,nc->nj", rays.by_point, rays.residual))
+    point, structure = _point_of_rays(rays), system.matrix.structure
+    V = _coupling(rays) @ _transposed(roots)[point]
+    u = np.einsum("pij,pj->pi", roots, of_points)
+    dense = _as_dense(rays, structure)
+    if dense is not None:
+        flat = dense.spread(V).reshape(dense.order, -1)
+        dense.part.add_to(system.matrix.values, (dense.own_products() - flat @ flat.T)[:-1, :-1])
+    else:
+        _add_by_pairs(rays, V, system.matrix)
+    own = -np.einsum("nck,nc->nk", rays.by_others, rays.residual)
+    left = own - np.einsum("nkj,nj->nk", V, u[point])
+    place = (rays.columns_of_rays + 1).ravel()
+    for total, of_rays in (
+        (system.gradient, own),
+        (system.right_hand_side, left),
+        (system.diagonal, np.square(rays.by_others).sum(axis=1)),
+    ):
+        total += np.bincount(place, weights=of_rays.ravel(), minlength=structure.unknowns + 1)[1:]
+    return vanished, of_points
+
+
+def _transposed(matrices: FloatArray) -> FloatArray:
+    return np.ascontiguousarray(matrices.transpose(0, 2, 1))  # products of views take several times as long
+
+
+def _point_of_rays(rays: Rays) -> IntArray:
+    return np.repeat(np.arange(rays.points, dtype=np.int64), np.diff(rays.point_pointers))
 
 
 def back_substitute_by_numpy(rays: Rays, reduced_step: FloatArray, damping: float) -> FloatArray:
@@ -223,97 +234,182 @@ def _followed(rays: Rays, roots: FloatArray, moved: FloatArray) -> FloatArray:
 
 def cofactors_by_numpy(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return Q_pp (p, 3, 3), cofactors (n, 2, 2) of the whitened computed values, and shares (n, 2) of the points."""
-    of_points, of_rays, shares = [np.empty((0, 3, 3))], [np.empty((0, 2, 2))], [np.empty((0, 2))]
-    for part in _parts(rays, inverse.structure):
-        mine, point = part.rays, part.point
-        roots, _ = _inverse_roots(mine, 0.0)
-        inverse_of_points = roots.transpose(0, 2, 1) @ roots
-        E = _coupling(mine) @ inverse_of_points[point]
-        Q = np.zeros((part.order, part.order))
-        Q[:-1, :-1] = part.dense.of(inverse.values)
-        spread = (Q @ part.spread(E).reshape(part.order, -1)).reshape(part.order, -1, 3)
-        H = spread[part.of_rays, point[:, None]]
-        Q_pp = inverse_of_points + _sum_by_point(mine, E.transpose(0, 2, 1) @ H)
-        across = mine.by_point.transpose(0, 2, 1)
-        own = mine.by_point @ Q_pp[point] @ across
-        mixed = mine.by_others @ H @ across
-        of_frames = Q[part.local[:, :, None], part.local[:, None, :]]
-        others = mine.by_others @ of_frames[mine.frame] @ mine.by_others.transpose(0, 2, 1)
-        of_points.append(Q_pp)
-        of_rays.append(own - mixed - mixed.transpose(0, 2, 1) + others)
-        shares.append(np.diagonal(own - mixed, axis1=1, axis2=2))
-    return np.concatenate(of_points), np.concatenate(of_rays), np.concatenate(shares)
+    point = _point_of_rays(rays)
+    roots, _ = _inverse_roots(rays, 0.0)
+    inverse_of_points = roots.transpose(0, 2, 1) @ roots
+    E = _coupling(rays) @ inverse_of_points[point]
+    dense = _as_dense(rays, inverse.structure)
+    H, of_frames = _by_pairs(rays, E, inverse) if dense is None else _by_dense(dense, E, inverse)
+    Q_pp = inverse_of_points + _sum_by_point(rays, E.transpose(0, 2, 1) @ H)
+    across = rays.by_point.transpose(0, 2, 1)
+    own = rays.by_point @ Q_pp[point] @ across
+    mixed = rays.by_others @ H @ across
+    others = rays.by_others @ of_frames[rays.frame] @ rays.by_others.transpose(0, 2, 1)
+    cofactors_of_rays = own - mixed - mixed.transpose(0, 2, 1) + others
+    return Q_pp, cofactors_of_rays, np.diagonal(own - mixed, axis1=1, axis2=2).copy()
 
 
-class _Places(NamedTuple):
-    """Columns of the rays of some points, the same in every pass."""
-
-    points: slice
-    rays: slice
-    frames: IntArray
-    """Their frames, which they name by their place in this list."""
-    frame: IntArray
-    dense: DensePart
-    local: IntArray
-
-    def of(self, rays: Rays) -> _DenseRays:
-        """The rays of the points, with the columns of their frames only."""
-        pointers = rays.point_pointers[self.points.start : self.points.stop + 1]
-        some = Rays(
-            rays.residual[self.rays],
-            rays.by_point[self.rays],
-            rays.by_others[self.rays],
-            rays.columns[self.frames],
-            pointers - pointers[0],
-            self.frame,
-        )
-        return _DenseRays(some, self.dense, self.local)
+def _by_dense(dense: _DenseRays, E: FloatArray, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:
+    """Σ Q_ij E_j (n, K, 3) over the rays of a point, and Q (f, K, K) of the frames."""
+    Q = np.zeros((dense.order, dense.order))
+    Q[:-1, :-1] = dense.part.of(inverse.values)
+    spread = (Q @ dense.spread(E).reshape(dense.order, -1)).reshape(dense.order, -1, 3)
+    return spread[dense.of_rays, dense.point[:, None]], Q[dense.local[:, :, None], dense.local[:, None, :]]
 
 
-def _parts(rays: Rays, structure: BlockStructure) -> Iterator[_DenseRays]:
-    """Yield the rays of as many points at a time as make no large dense matrix.
+def _as_dense(rays: Rays, structure: BlockStructure) -> _DenseRays | None:
+    """What the rays meet as a dense matrix, or ``None`` where pairs of rays cost less.
 
     Where they go is kept from one pass to the next in a small project, whose passes are many.
     """
-    if not compilation.is_small():
-        yield from (places.of(rays) for places in _places(rays, structure))
-        return
-    key = rays.columns.tobytes(), rays.point_pointers.tobytes(), rays.frame.tobytes()
-    if key not in structure.known:
-        structure.known[key] = list(_places(rays, structure))
-    yield from (places.of(rays) for places in structure.known[key])
-
-
-def _places(rays: Rays, structure: BlockStructure) -> Iterator[_Places]:
-    waiting = [(0, rays.points)] if rays.points else []
-    while waiting:
-        first, last = waiting.pop()
-        part = slice(int(rays.point_pointers[first]), int(rays.point_pointers[last]))
-        frames, frame = np.unique(rays.frame[part], return_inverse=True)
-        columns = rays.columns[frames]
-        dense = dense_part(structure, np.unique(structure.block_of[columns[columns >= 0]]))
-        size = dense.unknowns.size
-        if last - first > 1 and size * (size + 3 * (last - first)) > _ENTRIES_AT_A_TIME:
-            middle = (first + last) // 2
-            waiting += [(middle, last), (first, middle)]
-            continue
-        found = _Places(slice(first, last), part, frames, frame, dense, dense.numbers_of(columns))
-        _refuse_pairs_not_stored(found.of(rays).rays, structure, dense)
-        yield found
+    small = compilation.is_small()
+    key = (rays.columns.tobytes(), rays.point_pointers.tobytes(), rays.frame.tobytes()) if small else None
+    if key in structure.known:
+        return _DenseRays(rays, *structure.known[key])
+    used = rays.columns[np.unique(rays.frame)]
+    blocks = np.unique(structure.block_of[used[used >= 0]])
+    size, width = int(structure.sizes[blocks].sum()), rays.columns.shape[1]
+    counts = np.diff(rays.point_pointers)
+    entries, pairs = size * (size + 3 * rays.points), int(counts @ (counts + 1)) // 2
+    by_pairs = _OF_A_PAIR * pairs * width**2 < size**2 * (_OF_AN_ENTRY + _OF_A_POINT * rays.points)
+    if entries > _MOST_ENTRIES or (entries > _ALWAYS_DENSE and by_pairs):
+        return None
+    part = dense_part(structure, blocks)
+    found = _DenseRays(rays, part, part.numbers_of(rays.columns))
+    _refuse_pairs_not_stored(rays, structure, part)
+    if key is not None:
+        structure.known[key] = found.part, found.local
+    return found
 
 
 def _refuse_pairs_not_stored(rays: Rays, structure: BlockStructure, dense: DensePart) -> None:
     block = np.searchsorted(dense.blocks, structure.block_of[np.maximum(rays.columns, 0)])
-    point = np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
     free = (rays.columns >= 0)[rays.frame]
     meets = np.zeros((dense.blocks.size, rays.points), dtype=np.float32)
-    meets[block[rays.frame][free], np.broadcast_to(point[:, None], free.shape)[free]] = 1.0
-    if ((meets @ meets.T > 0.0) & ~dense.stored).any():
-        raise ValueError("the pattern lacks a pair of blocks that meet in a point of the chunk")
+    meets[block[rays.frame][free], np.broadcast_to(_point_of_rays(rays)[:, None], free.shape)[free]] = 1.0
+    _refuse_unless(not ((meets @ meets.T > 0.0) & ~dense.stored).any())
+
+
+class _Products(NamedTuple):
+    """Products of runs of columns, in one block each, of m pairs of frames: those whose columns are free."""
+
+    some: IntArray
+    """(k,) pairs of frames."""
+    rows: slice
+    columns: slice
+    places: IntArray
+    """(k, r, c) in the flat values."""
+    turned: IntArray
+    """(k, r, c) of the transposed products, within a block of the diagonal."""
+    order: IntArray
+    """(k,) 1 where the block of the rows is behind the one of the columns, 0 where they are the same, else −1."""
+
+
+def _products(rays: Rays, structure: BlockStructure, one: IntArray, other: IntArray) -> Iterator[_Products]:
+    """Yield where products of the columns of frames (m,) go, for each pair of runs of columns in one block."""
+    block = np.where(rays.columns >= 0, structure.block_of[rays.columns], -1)
+    within = rays.columns - structure.offsets[block]
+    cuts = np.flatnonzero((block[:, 1:] != block[:, :-1]).any(axis=0)) + 1
+    runs = [slice(*ends) for ends in pairwise([0, *cuts.tolist(), block.shape[1]])]
+    for rows, columns in product(runs, runs):
+        high, low = block[one, rows.start], block[other, columns.start]
+        some = np.flatnonzero((high >= 0) & (low >= 0))
+        if not len(some):
+            continue
+        high, low = high[some], low[some]
+        start = find_blocks(structure, high, low)
+        _refuse_unless(bool((start >= 0).all()))
+        row, column = within[one[some], rows][:, :, None], within[other[some], columns][:, None, :]
+        straight = start[:, None, None] + row * structure.sizes[low][:, None, None] + column
+        turned = start[:, None, None] + column * structure.sizes[high][:, None, None] + row
+        places = np.where((high >= low)[:, None, None], straight, turned)
+        yield _Products(some, rows, columns, places, turned, np.sign(high - low))
+
+
+class _Pairs(NamedTuple):
+    """Pairs of rays i, j of a point, and the frames of i and j."""
+
+    one: IntArray
+    """(m,)"""
+    other: IntArray
+    """(m,)"""
+    number: IntArray
+    """(m,) number of the two frames among these k."""
+    frame: IntArray
+    """(k,)"""
+    partner: IntArray
+    """(k,)"""
+
+
+def _pairs(rays: Rays, both: bool) -> Iterator[_Pairs]:
+    """Yield all pairs of rays of a point, or those with j < i only; pairs of the same two frames come together."""
+    pointers, point = rays.point_pointers, _point_of_rays(rays)
+    first = pointers[point]
+    counts = np.diff(pointers)[point] if both else np.arange(rays.rays) - first
+    before = np.concatenate(([0], np.cumsum(counts)))
+    begin = 0
+    while begin < rays.rays:
+        end = max(int(np.searchsorted(before, before[begin] + _PAIRS_SORTED, side="right")) - 1, begin + 1)
+        some = counts[begin:end]
+        one, other = np.repeat(np.arange(begin, end), some), ranges(first[begin:end], some)
+        keys = rays.frame[one] * len(rays.columns) + rays.frame[other]
+        order = np.argsort(keys, kind="stable")
+        for k in range(0, len(order), _PAIRS_AT_A_TIME):
+            part = order[k : k + _PAIRS_AT_A_TIME]
+            frames, number = np.unique(keys[part], return_inverse=True)
+            yield _Pairs(one[part], other[part], number, frames // len(rays.columns), frames % len(rays.columns))
+        begin = end
+
+
+def _sums(number: IntArray, count: int, terms: FloatArray) -> FloatArray:
+    """(count, …) sums of terms (m, …) of the same number (m,): many times faster than by a ufunc."""
+    from scipy.sparse import csc_array  # small networks, which load faster without, have no pairs
+
+    one = csc_array((np.ones(len(number)), number, np.arange(len(number) + 1)), shape=(count, len(number)))
+    return np.asarray(one @ terms.reshape(len(number), -1)).reshape(count, *terms.shape[1:])
+
+
+def _add_by_pairs(rays: Rays, V: FloatArray, matrix: BlockMatrix) -> None:
+    """Add Σ jᵀj − Σ V_i V_jᵀ to the matrix in place."""
+    across = _transposed(V)
+    others = rays.by_others
+    count = len(rays.columns)
+    sums = _sums(rays.frame, count, _transposed(others) @ others - V @ across)
+    for found in _products(rays, matrix.structure, np.arange(count), np.arange(count)):
+        lower = found.order >= 0
+        _add(matrix, found.places[lower], sums[found.some[lower], found.rows, found.columns])
+    for pairs in _pairs(rays, both=False):
+        products = np.take(V, pairs.one, axis=0) @ np.take(across, pairs.other, axis=0)
+        sums = -_sums(pairs.number, len(pairs.frame), products)
+        for found in _products(rays, matrix.structure, pairs.frame, pairs.partner):
+            same = found.order == 0
+            _add(matrix, found.places, sums[found.some, found.rows, found.columns])
+            _add(matrix, found.turned[same], sums[found.some[same], found.rows, found.columns])
+
+
+def _add(matrix: BlockMatrix, places: IntArray, terms: FloatArray) -> None:
+    np.add.at(matrix.values, places.ravel(), terms.ravel())  # flat, in a sixth of the time
+
+
+def _by_pairs(rays: Rays, E: FloatArray, inverse: BlockMatrix) -> tuple[FloatArray, FloatArray]:
+    """Σ Q_ij E_j (n, K, 3) over the rays of a point, and Q (f, K, K) of the frames."""
+
+    def of_frames(one: IntArray, other: IntArray) -> FloatArray:
+        Q = np.zeros((len(one), *(rays.columns.shape[1],) * 2))
+        for found in _products(rays, inverse.structure, one, other):
+            Q[found.some, found.rows, found.columns] = inverse.values[found.places]
+        return Q
+
+    H = np.zeros(E.shape)
+    for pairs in _pairs(rays, both=True):
+        Q = np.take(of_frames(pairs.frame, pairs.partner), pairs.number, axis=0)
+        H += _sums(pairs.one, rays.rays, Q @ np.take(E, pairs.other, axis=0))
+    every = np.arange(len(rays.columns))
+    return H, of_frames(every, every)
 
 
 def _inverse_roots(rays: Rays, damping: float) -> tuple[FloatArray, BoolArray]:
-    return inverse_roots(_sum_by_point(rays, rays.by_point.transpose(0, 2, 1) @ rays.by_point), damping)
+    return inverse_roots(_sum_by_point(rays, _transposed(rays.by_point) @ rays.by_point), damping)
 
 
 def inverse_roots(N: FloatArray, damping: float = 0.0) -> tuple[FloatArray, BoolArray]:
@@ -342,7 +438,7 @@ def inverse_roots(N: FloatArray, damping: float = 0.0) -> tuple[FloatArray, Bool
 
 def _coupling(rays: Rays) -> FloatArray:
     """Return jᵀa (n, K, 3); rows of fixed unknowns are zero."""
-    coupling = rays.by_others.transpose(0, 2, 1) @ rays.by_point
+    coupling = _transposed(rays.by_others) @ rays.by_point
     return np.where(rays.columns_of_rays[:, :, None] >= 0, coupling, 0.0)
 
 

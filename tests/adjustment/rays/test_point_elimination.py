@@ -102,11 +102,14 @@ def without_compiler(monkeypatch):
     monkeypatch.setattr(compilation, "available", False)
 
 
-@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.kernels), "numpy"])
+@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.kernels), "dense", "pairs"])
 def either_form(request, monkeypatch):
-    if request.param == "numpy":
+    if request.param != "compiled":
         without_compiler(monkeypatch)
-        monkeypatch.setattr(point_reference, "_ENTRIES_AT_A_TIME", 5000)
+    if request.param == "pairs":
+        monkeypatch.setattr(point_reference, "_MOST_ENTRIES", 0)
+        monkeypatch.setattr(point_reference, "_PAIRS_SORTED", 50)
+        monkeypatch.setattr(point_reference, "_PAIRS_AT_A_TIME", 20)
     return request.param
 
 
