@@ -1147,7 +1147,8 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
     _put_table(book, ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), known, flat)
     bare = [row for row in known if row.cells[0] not in stated]
     if sigma and bare:
-        draft.note(f"coordinates of the book are observed with σ = {sigma} m: it says none", bare[0].line)
+        points = counted(len(bare), "point")
+        draft.note(f"coordinates of {points} are observed with σ = {sigma} m: the book says none for them", bare[0].line)
     elif known and measured and not sigma:
         draft.note(
             "coordinates of the book are start values: one point does not define the datum of a network", known[0].line

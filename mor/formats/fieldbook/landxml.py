@@ -409,6 +409,8 @@ class _LandXmlReader:
         if east is None or north is None:
             self.book.leave_out(GNSS, record.line)
             return
+        if record.all("ECEFDeltas"):
+            self.book.leave_out("GNSS vectors (ECEFDeltas)", record.line)
         self.book.point(name, east, north, height, record.line)
         for precision in record.all("Precision"):
             sigma = (_number(precision, axis) or 0.0 for axis in ("Horizontal", "Vertical"))
