@@ -278,6 +278,8 @@ def _asked(client: Any, token: str) -> dict[str, dict[str, Any]]:
                 raise InputError([Message("workers are lost as soon as they get a task")]) from None
             time.sleep(0.5)
         except Exception as error:  # noqa: BLE001 - whatever a worker without mor makes of the question
+            if client.status != "running":
+                raise InputError([Message(_LOST)]) from None
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError([Message(f"workers cannot run mor; is it installed there? {reason}")]) from None
 
