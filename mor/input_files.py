@@ -34,7 +34,14 @@ _PART = 1 << 22
 """Bytes that are unpacked together."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _HIGH = 0x80
-CODE_PAGES = {"cp1251": "Windows, Cyrillic", "cp1252": "Windows, Western European"}
+CODE_PAGES = {
+    "gb18030": "Chinese",
+    "cp1251": "Windows, Cyrillic",
+    "cp1252": "Windows, Western European",
+    "cp1254": "Windows, Turkish",
+}
+_TURKISH, _ACCENTED = set(b"\xd0\xdd\xde\xf0\xfd\xfe"), set(b"\xc1\xc6\xe1\xe6\xed\xf3\xfa")
+"""Letters that cp1254 has in the places of Icelandic ones, and letters of Icelandic that Turkish does not have."""
 
 
 class ReadFile(NamedTuple):
@@ -221,8 +228,25 @@ def _encoding(content: bytes) -> str:
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:
-        return "cp1251" if _is_cyrillic(content) else "cp1252"
+        if _is_chinese(content):
+            return "gb18030"
+        if _is_cyrillic(content):
+            return "cp1251"
+        return "cp1254" if not _TURKISH.isdisjoint(content) and _ACCENTED.isdisjoint(content) else "cp1252"
     return "utf-8"
+
+
+def _is_chinese(content: bytes) -> bool:
+    """Return whether high bytes come in pairs that are common characters, two of them beside each other somewhere."""
+    try:
+        text = content.decode("gb18030")
+    except UnicodeDecodeError:
+        return False
+    words = re.findall(r"[\u4e00-\u9fff]+", text)
+    pairs = [letter.encode("gb18030") for word in words for letter in word]
+    # GB 2312 has its 3755 common characters from B0A1 to D7F9; lower-case Cyrillic and accented letters are above them.
+    common = sum(b"\xb0\xa1" <= pair <= b"\xd7\xf9" and pair[1] > 0xA0 for pair in pairs)
+    return any(len(word) > 1 for word in words) and 5 * common >= 4 * len(pairs)
 
 
 def _is_cyrillic(content: bytes) -> bool:
