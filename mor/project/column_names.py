@@ -204,7 +204,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{NAMES.from_}", "orientation": "orientierung"}, {"point": NAMES.point, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": NAMES.point, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{NAMES.point}|nn|station|target|p", **_POINTS}, _STATED),
+    "points": ({"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", **_POINTS}, _STATED),
     "vector by coordinates": (
         {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
         {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
@@ -215,7 +215,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "images with positions": ({"id": NAMES.image, **_POINTS}, _STATED),
     "points in the plane": (
-        {"id": f"id|{NAMES.point}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        {"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
     ),
     "points with heights": (

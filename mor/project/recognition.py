@@ -52,7 +52,6 @@ from mor.project.tidying import (
     with_sigmas,
     with_station,
     with_targets,
-    with_whole_angles,
     with_whole_readings,
     without_empty_readings,
     without_packed_angles,
@@ -79,6 +78,12 @@ _QUADRANT = re.compile(
 )
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
+
+
+class _UnknownTable(InputError):
+    """A table of no known kind; the note is for a sheet that has other tables."""
+
+    note = ""
 
 
 class Found(NamedTuple):
@@ -186,8 +191,17 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[str]) -> list[Foun
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
     named = tuple(row if any(map(number_in, row)) else with_hairs(row) for row in blank)
     by_image = image_points_of_matrix(blank)
-    blocks = [TableRows(by_image, cells.lines[:1])] if by_image else tables_in(with_whole_angles(named), cells.lines)
-    found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
+    blocks = [TableRows(by_image, cells.lines[:1])] if by_image else tables_in(named, cells.lines)
+    found, unknown = list[list[Found]](), list[_UnknownTable]()
+    for block in blocks:
+        try:
+            found.append(_of_block(path, cells, block, len(blocks) > 1))
+        except _UnknownTable as error:
+            unknown.append(error)
+    if not any(found) and unknown:
+        raise unknown[0]
+    rest = tuple(error.note for error in unknown)
+    found = [[table._replace(notes=(*rest, *table.notes)) for table in tables] for tables in found]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):
         copies.append(table.part)
@@ -293,7 +307,9 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
                 "no line has the names of the columns of a known table: write them above the values, or give them by "
                 f"--columns TABLE NAMES; {known_kinds()}"
             )
-        raise InputError([Message(words, str(path), line)])
+        unknown = _UnknownTable([Message(words, str(path), line)])
+        unknown.note = f"another table begins below (columns {columns}): {counted(len(rows) - 1, 'row')} not read"
+        raise unknown
     body, nameless = rows[has_header:], 0
     if target := next((columns["to"] for kind, columns in kinds.items() if kind in SIGMAS and "to" in columns), ""):
         place = header.index(target)

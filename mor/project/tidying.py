@@ -26,6 +26,7 @@ from mor.project.column_names import (
     Cells,
     cell_at,
     columns_of,
+    columns_that_are_known,
     fits_a_table,
     kinds_of,
     name_and_unit,
@@ -130,59 +131,142 @@ def _without_index(rows: Cells) -> Cells:
 
 
 def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
-    """Return tables beside each other, each with its header in the first row."""
-    start = next((k for k, row in enumerate(rows[:TITLES]) if fits_a_table(row)), None)
-    if start is None:
-        return [TableRows(_without_index(rows), lines)]
+    """Return the tables of a sheet, below and beside each other, each with its header in the first row.
+
+    A header has no numbers, but rows with numbers below it. A table ends where another header follows.
+    """
+    starts = _headers(rows, lines)
+    if not starts:
+        return [TableRows(_without_index(with_whole_angles(rows)), lines)]
+    found, rest = list[TableRows](), list[str]()
+    unread = sum(sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[: starts[0]])
+    if unread:
+        rest.append(f"rows with numbers stand above the header: {counted(unread, 'row')} not read")
+    ends = [_end(rows, lines, start, after) for start, after in pairwise([*starts, len(rows)])]
+    for start, end in zip(starts, ends, strict=True):
+        title = _words(rows[start - 1]) if start else []
+        if start and any(map(_begins_with_digit, title)):
+            title = []
+        table = with_whole_angles(_with_whole_header(rows[start:end]))
+        own_lines = (lines[start], *lines[end - len(table) + 1 : end])
+        above = rows[start - 1] if start else ()
+        is_again = any(_repeats(table, one.rows) for one in found)
+        beside = [] if is_again else _beside_each_other(table, own_lines, above, " ".join(title))
+        if beside or not found:
+            found += beside
+        else:
+            names, count = ", ".join(_words(table[0])), counted(len(table) - 1, "row")
+            rest.append(f"another table begins below (columns {names}): {count} not read")
+    return [block._replace(notes=(*rest, *block.notes)) for block in found]
+
+
+def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
+    """Rows that begin tables: the first with the names of a known one, and those of other tables below."""
+    found, has_values, header = list[int](), False, ()
+    for k, row in enumerate(rows):
+        words = _words(row)
+        if any(map(_begins_with_digit, words)) and not (not found and k < TITLES and fits_a_table(row)):
+            has_values = True
+            continue
+        if found and not has_values or len(words) < 2:
+            continue
+        whole = _with_whole_header(rows[k : k + 2])
+        named = with_whole_angles(whole[:1])[0] if whole else row
+        is_known = fits_a_table(named)
+        if found and (not is_known or repeats_header(row, header, header)):
+            below = _words(rows[k + 1]) if k + 1 < len(rows) else []
+            is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
+            numbers = sum(map(_begins_with_digit, below))
+            is_named = (is_apart and numbers > 1) or (is_apart and columns_that_are_known(row) > 1)
+            is_other = len(below) - 1 <= len(words) > 2 and numbers and (is_named or _begins_alike(row, header))
+            is_known = bool(is_other) and not repeats_header(row, header, header)
+        if is_known:
+            found.append(k)
+            has_values, header = False, tuple(cell.strip() for cell in row)
+    return found
+
+
+def _end(rows: Cells, lines: tuple[int, ...], start: int, after: int) -> int:
+    """End of a table: titles and rows of a name and a value above the next header do not belong to it."""
+    if after == len(rows):
+        return after
+    gaps = [k for k in range(start + 1, after + 1) if lines[min(k, after)] > lines[k - 1] + 1]
+    if gaps and all(len(_words(row)) < 3 for row in rows[gaps[-1] : after]):
+        after = gaps[-1]
+    while after - 1 > start and len(_words(rows[after - 1])) == 1 and not any(
+        map(_begins_with_digit, _words(rows[after - 1]))
+    ):
+        after -= 1
+    return after
+
+
+def _with_whole_header(rows: Cells) -> Cells:
+    """Rows with one header if only its two rows together have the names of the columns of a known table."""
+    if len(rows) < 2 or fits_a_table(with_whole_angles(rows[:1])[0]):
+        return rows
+    merged = _with_subheadings(tuple(cell.strip() for cell in rows[0]), rows[1])
+    return (merged, *rows[2:]) if merged and fits_a_table(merged) else rows
+
+
+def _repeats(rows: Cells, earlier: Cells) -> bool:
+    """Return whether all rows of a table stand in an earlier one with columns of the same names, as its computation."""
+    places = [{normalised(cell): k for k, cell in enumerate(one[0]) if _words([cell])} for one in (rows, earlier)]
+    shared = [name for name in places[0] if name in places[1]]
+    one, other = (
+        [tuple(cell_at(row, own[name]) for name in shared) for row in table[1:]]
+        for own, table in zip(places, (rows, earlier), strict=True)
+    )
+    return len(shared) > 2 and len(one) > 1 and set(one) <= set(other)
+
+
+def _words(row: Sequence[str]) -> list[str]:
+    return [cell for cell in map(str.strip, row) if cell and not PLACEHOLDER.fullmatch(cell)]
+
+
+def _begins_with_digit(cell: str) -> bool:
+    return cell.lstrip("+-−.,")[:1].isdigit()
+
+
+def _beside_each_other(rows: Cells, lines: tuple[int, ...], above: tuple[str, ...], title: str) -> list[TableRows]:
+    """Return tables beside each other; ``above``: the row above their headers."""
     found, rest, kinds = list[TableRows](), list[str](), set[str]()
-    above_it = sum(sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[:start])
-    if above_it:
-        rest.append(f"rows with numbers stand above the header: {counted(above_it, 'row')} not read")
-    for one, end in _side_by_side(rows, start):
-        cut = [tuple(cell_at(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
+    for one, end in _side_by_side(rows, above):
+        cut = [tuple(cell_at(row, k) for k in range(one, end)) for row in rows] if end else rows
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
         table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
         kind = next(iter(kinds_of(named_columns(names))), "") if end else "alone"
+        if end == 0 and not fits_a_table(names):
+            continue
         if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
             kinds.add(kind)
-            above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
-            title = next((cell for cell in above if cell and not PLACEHOLDER.fullmatch(cell)), "")
-            found.append(TableRows(*_first_table(table, tuple(lines[start + k] for k in kept)), title))
-        elif named := [cell for cell in names if cell and not PLACEHOLDER.fullmatch(cell)]:
+            own = next(iter(_words(above[one:end])), "") if end else title
+            found.append(TableRows(*_first_table(table, tuple(lines[k] for k in kept)), own))
+        elif named := _words(names):
             count = counted(len(table) - 1, "row")
             rest.append(f"another table stands beside it (columns {', '.join(named)}): {count} not read")
     return [block._replace(notes=(*block.notes, *rest)) for block in found]
 
 
-def _side_by_side(rows: Cells, start: int) -> list[tuple[int, int]]:
+def _side_by_side(rows: Cells, above: tuple[str, ...]) -> list[tuple[int, int]]:
     """Columns of tables beside each other: one is named twice, and empty ones or titles above part them; or (0, 0)."""
-    header = [cell.strip() for cell in rows[start]]
+    header = [cell.strip() for cell in rows[0]]
     header = ["" if PLACEHOLDER.fullmatch(cell) else cell for cell in header]
     named = [cell for cell in header if cell]
     if len(set(named)) == len(named):
         return [(0, 0)]
-    above = [cell.strip() for cell in rows[start - 1]] if start else []
-    titled = [k for k, cell in enumerate(above[: len(header)]) if cell and not PLACEHOLDER.fullmatch(cell)]
-    empty = [k for k, cell in enumerate(header) if not cell and not any(cell_at(row, k) for row in rows[start + 1 :])]
+    titled = [k for k, cell in enumerate(above[: len(header)]) if _words([cell])]
+    empty = [k for k, cell in enumerate(header) if not cell and not any(cell_at(row, k) for row in rows[1:])]
     edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
     found = list(pairwise(edges))
     return found if sum(bool(kinds_of(named_columns(header[one:end]))) for one, end in found) > 1 else [(0, 0)]
 
 
 def _first_table(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...], tuple[str, ...]]:
-    """Rows up to the heading of another table, each column once, angles in one column; lines, and notes on the rest."""
+    """Rows without headers below, each column once, angles in one column; lines, and notes on the rest."""
     header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
     kinds = kinds_of(named_columns(header))
     used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
     again = [k for k, row in enumerate(body) if repeats_header(row, header, used)]
-    bare = [k for k, row in enumerate(body) if not any(NUMBER.fullmatch(cell.strip()) for cell in row)]
-    # A row of headings that begins like the header is that of another table, even of one that is not known. One right
-    # below the header has subheadings.
-    others = [k for k in bare if k and k not in again and (fits_a_table(body[k]) or _begins_alike(body[k], header))]
-    if others:
-        names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
-        notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
-        body, lines = body[: others[0]], lines[: others[0] + 1]
     if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
     header, *body_rows = _without_index((header, *body))
