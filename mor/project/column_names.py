@@ -21,7 +21,7 @@ SIGHT = {
     "station_height": f"fromheight|{NAMES.from_height}",
     "to_height": NAMES.to_height,
     "set": "set|satz|setid|setno|setnr|round|series|obsset|测回",
-    "face": "face|facenr|faceno|lage|kreislage",
+    "face": "face|facenr|faceno|lage|kreislage|盘位|posicion|posicao|position",
     "epoch": "epoch|epoche",
 }
 

@@ -47,6 +47,7 @@ from mor.project.tidying import (
     tell_elevations,
     tidied_rows,
     with_faces,
+    with_faces_apart,
     with_hairs,
     with_image,
     with_sigmas,
@@ -231,7 +232,7 @@ def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
 
 def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
-    tidy, stated = tidied_rows(block.rows)
+    tidy, stated = tidied_rows(with_faces_apart(block.rows) if block.rows else ())
     tidy, off = without_switched_off(tidy)
     tidy, wires = with_whole_readings(tidy)
     tidy, packed = without_packed_angles(tidy)

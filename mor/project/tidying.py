@@ -88,12 +88,24 @@ _ROLES = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new"
 _FACES = {"": "", "1": "1", "2": "2"} | {
     word: face
     for face, words in (
-        ("1", "l|left|fl|faceleft|cl|i|d|direct|links"),
-        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts"),
+        ("1", "l|left|fl|faceleft|cl|i|d|direct|links|direta|directa|directo|pd|cd|左|盘左|кл"),
+        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts|inversa|inverso|pi|ci|右|盘右|кп"),
     )
     for word in words.split("|")
 }
 """Faces of an instrument by their names."""
+_FACE_COLUMNS = [
+    tuple(
+        re.compile(word if word > "z" else rf"(?<![^\W_]){word.replace(' ', '[ ._-]*')}(?![^\W_])", re.IGNORECASE)
+        for word in pair.split("/")
+    )
+    for pair in (
+        "盘左/盘右|face left/face right|circle left/circle right|kreis links/kreis rechts|lage i/lage ii|lage 1/lage 2"
+        "|face i/face ii|face 1/face 2|f1/f2|fl/fr|pd/pi|cd/ci|cg/cd|cl/cr|кл/кп|direct/reverse|direct[ao]/invers[ao]"
+        "|diret[ao]/invers[ao]|left/right|l/r|i/ii"
+    ).split("|")
+]
+"""Words for the first and second face in headings of columns."""
 
 
 class TableRows(NamedTuple):
@@ -170,9 +182,8 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
             continue
         if found and not has_values or len(words) < 2:
             continue
-        whole = _with_whole_header(rows[k : k + 2])
-        named = with_whole_angles(whole[:1])[0] if whole else row
-        is_known = fits_a_table(named)
+        whole = _with_whole_header(rows[k : k + 3])
+        is_known = fits_a_table(_plain(whole[0]))
         if found and (not is_known or repeats_header(row, header, header)):
             below = _words(rows[k + 1]) if k + 1 < len(rows) else []
             is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
@@ -201,11 +212,57 @@ def _end(rows: Cells, lines: tuple[int, ...], start: int, after: int) -> int:
 
 
 def _with_whole_header(rows: Cells) -> Cells:
-    """Rows with one header if only its two rows together have the names of the columns of a known table."""
-    if len(rows) < 2 or fits_a_table(with_whole_angles(rows[:1])[0]):
+    """Rows with one header: rows of subheadings are joined to the first as long as they name columns that are known."""
+    header, found = tuple(cell.strip() for cell in rows[0]), rows
+    for k in range(1, min(len(rows), 3)):
+        header = _with_subheadings(header, rows[k])
+        if not header:
+            break
+        if fits_a_table(_plain(header)):
+            found = (header, *rows[k + 1 :])
+    return found
+
+
+def _plain(header: Sequence[str]) -> tuple[str, ...]:
+    """Header as it becomes with parts of angles in one column, and faces in rows."""
+    return with_faces_apart(with_whole_angles((tuple(header),)))[0]
+
+
+def _pairs_of_faces(header: Sequence[str]) -> list[tuple[int, int, str]]:
+    """Columns of one reading in the first and in the second face, and the name of the reading."""
+    for first, second in _FACE_COLUMNS:
+        names = [[form.sub(" ", cell) if form.search(cell) else None for cell in header] for form in (first, second)]
+        bare = [[None if name is None else normalised(name) for name in both] for both in names]
+        found = [
+            (k, bare[1].index(name), names[0][k] or "")
+            for k, name in enumerate(bare[0])
+            if name is not None and bare[1].count(name) == bare[0].count(name) == 1
+        ]
+        if found:
+            return [(k, j, name.strip() if normalised(name) in KNOWN_NAMES - {""} else "horizontal") for k, j, name in found]
+    return []
+
+
+def with_faces_apart(rows: Cells) -> Cells:
+    """Rows of sights with the readings in both faces below each other, if they stand in columns beside each other."""
+    header = [cell.strip() for cell in rows[0]]
+    pairs = _pairs_of_faces(header)
+    for k, j, name in pairs:
+        header[k], header[j] = name, ""
+    columns = next(iter(kinds_of(named_columns([*header, "face"])).values()), {}) if pairs else {}
+    if "face" not in columns or "face" in header:
         return rows
-    merged = _with_subheadings(tuple(cell.strip() for cell in rows[0]), rows[1])
-    return (merged, *rows[2:]) if merged and fits_a_table(merged) else rows
+    shared = [k for k, cell in enumerate(header) if cell in [columns.get(name) for name in (*PLACES, *SIGHT)]]
+    found = [(*header, "face")]
+    for row in rows[1:]:
+        cells = [cell_at(row, k) for k in range(len(header))]
+        second = [cell if k in shared else "" for k, cell in enumerate(cells)]
+        for k, j, _ in pairs:
+            second[k], cells[j] = cells[j], ""
+        found.append((*cells, "1"))
+        if any(second[k] for k, *_ in pairs):
+            found.append((*second, "2"))
+    return tuple(found)
 
 
 def _repeats(rows: Cells, earlier: Cells) -> bool:
@@ -235,7 +292,7 @@ def _beside_each_other(rows: Cells, lines: tuple[int, ...], above: tuple[str, ..
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
         table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
         kind = next(iter(kinds_of(named_columns(names))), "") if end else "alone"
-        if end == 0 and not fits_a_table(names):
+        if end == 0 and not fits_a_table(_plain(names)):
             continue
         if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
             kinds.add(kind)
@@ -307,10 +364,6 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     if not rows or not fits_a_table(rows[0]):
         return rows, {}
     header, body = tuple(cell.strip() for cell in rows[0]), rows[1:]
-    merged = _with_subheadings(header, body[0]) if body else ()
-    is_merged = bool(merged) and fits_a_table(merged)
-    if is_merged:
-        header, body = merged, body[1:]
     units = [cell.strip(" []()") for cell in body[0]] if body else []
     stated = {}
     known = [WORDS_OF_UNITS.get(unit) or WORDS_OF_UNITS.get(unit.lower(), "") for unit in units]
@@ -324,7 +377,7 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     places = [header.index(columns[name]) for name in _STATION if name in columns]
     body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
-    if not is_merged and not stated and not any(empty[1:]):
+    if not stated and not any(empty[1:]):
         return rows, {}
     filled: list[tuple[str, ...]] = []
     if any(empty) and "set" in KINDS[next(iter(kinds_of(named)))][1]:
@@ -386,7 +439,8 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         # A name of its own that no other group has needs none, as the height behind the readings of a book.
         # Headings of up to three letters such as D, M, S and sec say nothing without the one above them.
         is_alone = not is_own and name in KNOWN_NAMES and len(name) > 3 and parts.count(name) == 1
-        names.append((part.strip() if is_alone else f"{group} {part.strip()}") if part.strip() else cell)
+        part = "" if part.strip() == cell else part.strip()
+        names.append((part if is_alone else f"{group} {part}") if part else cell)
     return with_hairs(names) if divided else ()
 
 
@@ -595,7 +649,10 @@ def with_faces(rows: Cells) -> Cells:
     for k, name in enumerate(map(normalised, header)):
         cells = [normalised(cell_at(row, k)) for row in body]
         if name in SIGHT["face"].split("|") and any(cells) and set(cells) <= _FACES.keys():
-            rows = _replaced(rows, k, header[k], [_FACES[cell] for cell in cells])
+            faces = [_FACES[cell] for cell in cells]
+            for below in range(1, len(faces) if faces[0] else 0):
+                faces[below] = faces[below] or faces[below - 1]
+            rows = _replaced(rows, k, header[k], faces)
     return rows
 
 
