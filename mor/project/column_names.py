@@ -109,12 +109,12 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "levelling between points": (
         {
-            "from": f"{NAMES.from_}|bspoint|backpoint|backsightstation",
-            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
-            "back": NAMES.back,
-            "fore": NAMES.fore,
+            "from": f"后视点|后视|{NAMES.from_}|bspoint|backpoint|backsightstation",
+            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint|前视点|前视",
+            "back": _joined(NAMES.back, "", 1),
+            "fore": _joined(NAMES.fore, "", 1),
         },
-        {**STAFF_DISTANCES, "distance": NAMES.length},
+        {**SECOND_READINGS, **STAFF_DISTANCES, "distance": NAMES.length},
     ),
     "levelling": (
         {

@@ -108,6 +108,14 @@ _FACE_COLUMNS = [
 """Words for the first and second face in headings of columns."""
 
 
+_NUMBERED_SIDE = re.compile(r"(?:[后後](?![视视]?[-—–~一]?前)|前)[视尺]?")
+"""Side of a staff in a row of a Chinese form, before its number or the name of its point; not of their difference."""
+_HAS_LETTER = re.compile(r"[^\W\d_].*\w|\w.*[^\W\d_]")
+_ENDS_OF_FORM = re.compile(r"\s*(?:[-–—~～→至|]|\n)+\s*")
+"""Signs between both points of a set-up."""
+_RED_FACES = (4687.0, 4787.0)
+
+
 class TableRows(NamedTuple):
     """Rows with one header, their lines in the file, notes on what is not read, and the title above."""
 
@@ -147,6 +155,7 @@ def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
 
     A header has no numbers, but rows with numbers below it. A table ends where another header follows.
     """
+    rows, lines = _with_set_ups_in_rows(rows, lines)
     starts = _headers(rows, lines)
     if not starts:
         return [TableRows(_without_index(with_whole_angles(rows)), lines)]
@@ -170,6 +179,82 @@ def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
             names, count = ", ".join(_words(table[0])), counted(len(table) - 1, "row")
             rest.append(f"another table begins below (columns {names}): {count} not read")
     return [block._replace(notes=(*rest, *block.notes)) for block in found]
+
+
+def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...]]:
+    """Rows and lines of a levelling form that has several rows for each set-up, with one row for each of them.
+
+    The heading of a column may have a name for each of these rows; or a column says which row is back and which fore.
+    """
+    end = next((k for k, row in enumerate(rows) if any(map(_begins_with_digit, row))), 0)
+    start = end
+    while start and len(set(_words(rows[start - 1]))) > 1:
+        start -= 1
+    begins = [k for k in range(end, len(rows)) if cell_at(rows[k], 0)]
+    size = begins[1] - begins[0] if len(begins) > 1 else 0
+    if not (2 <= size <= 6 and end - start > 1):
+        return rows, lines
+    last = next((k for k, (one, after) in enumerate(pairwise(begins), 1) if after - one != size), len(begins))
+    width = max(map(len, rows[start:]))
+    forms = [[[cell_at(row, j) for j in range(width)] for row in rows[k : k + size]] for k in begins[:last]]
+    heads = [[cell_at(row, j) for j in range(width)] for row in rows[max(start, end - size) : end]]
+    heads += [[""] * width for _ in range(size - len(heads))]
+    names = [
+        "" if any(head[j] == above[j] for above in heads[:i]) else head[j]
+        for i, head in enumerate(heads)
+        for j in range(width)
+    ]
+    whole = [sum(form, []) for form in forms if len(form) == size]
+    found: list[tuple[str, ...]] = [tuple(names), *map(tuple, whole)]
+    if columns_of("levelling between points", named_columns(names)) is None:
+        found = _by_sides(names, whole, width)
+    if not found:
+        return rows, lines
+    rest = begins[last - 1] + size
+    own = (lines[start], *(lines[k] for k in begins[: len(whole)]))
+    return (*rows[:start], *found, *rows[rest:]), (*lines[:start], *own, *lines[rest:])
+
+
+def _by_sides(names: Sequence[str], forms: list[list[str]], width: int) -> list[tuple[str, ...]]:
+    """Rows of set-ups whose forms say in a column which row is back and which fore; empty for others."""
+    sides = [[_side(cell) for cell in form] for form in forms]
+    place = next((k for k in range(len(names)) if all(one[k] == "back" for one in sides)), -1)
+    other = next((k for k in range(place + width, len(names), width) if all(one[k] == "fore" for one in sides)), -1)
+    if place < 0 or other < 0 or place % width == width - 1:
+        return []
+    of_points = [k % width for k, name in enumerate(names) if normalised(name) in NAMES.point.split("|")]
+    ends = []
+    for form in forms:
+        own = [_NUMBERED_SIDE.sub("", form[k]).strip() for k in (place, other)]
+        cells = [cell for k in [*of_points, 0] for cell in form[k::width] if cell]
+        parts = [part for cell in cells for part in _ENDS_OF_FORM.split(cell) if part]
+        ends.append(own if all(map(_HAS_LETTER.search, own)) else parts[:2])
+    if any(len(both) < 2 or both[0] == both[1] for both in ends):
+        return []
+    header, columns = ["from", "to", "back", "fore"], [list(both) for both in ends]
+    for form, row in zip(forms, columns, strict=True):
+        row += [form[place + 1], form[other + 1]]
+    second = [[number_in(form[k + 2]) if k % width + 2 < width else None for k in (place, other)] for form in forms]
+    first = [[number_in(form[k + 1]) or 0.0 for k in (place, other)] for form in forms]
+    apart = [b - a for one, two in zip(first, second, strict=True) for a, b in zip(one, two, strict=True) if b]
+    unit = 1.0 if max(map(max, first), default=0.0) > 10.0 else 0.001
+    zeros = [min(_RED_FACES, key=lambda zero: abs(zero * unit - size)) * unit for size in apart]
+    # A red face begins at 4687 or 4787 mm; readings of one staff on both faces agree within a centimetre.
+    if len(apart) == 2 * len(forms) and all(abs(a - b) < 10.0 * unit for a, b in zip(apart, zeros, strict=True)):
+        header += ["back2", "fore2"]
+        for k, row in enumerate(columns):
+            row += [f"{(second[k][j] or 0.0) - zeros[2 * k + j]:.9g}" for j in (0, 1)]
+    for ours, others in (("back_distance", NAMES.back_distance), ("fore_distance", NAMES.fore_distance)):
+        if far := [k for k, name in enumerate(names) if name_and_unit(name)[0] in others.split("|")]:
+            header.append(ours)
+            for form, row in zip(forms, columns, strict=True):
+                row.append(form[far[0]])
+    return [tuple(header), *map(tuple, columns)]
+
+
+def _side(cell: str) -> str:
+    word = _NUMBERED_SIDE.match(cell.strip())
+    return {"后": "back", "後": "back", "前": "fore"}.get(word[0][0], "") if word else ""
 
 
 def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
