@@ -252,6 +252,12 @@ _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\
 """Readings back and forward that have the signs with which they enter the height."""
 TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
+DERIVED = re.compile(
+    "adjusted|reduced|corrected|computed|calculated|mean|average|result|ajustad|compensad|corregid|corrigid|calculad"
+    "|reducid|reduzid|promedi|resultad|ausgeglichen|reduziert|gemittelt|mittel|berechnet|verbessert|ergebnis"
+    "|dengelen|duezelt|hesap|ortalama|sonuc|平差|平均|归零|改正|计算|成果|结果"
+)
+"""Words in titles and headings of values that are no readings."""
 _SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
 PLACEHOLDER = re.compile(r"column\d+")
 """Name of a column of a spreadsheet that has none."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations, pairwise, product, takewhile, zip_longest
+from itertools import combinations, pairwise, permutations, product, takewhile, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.column_names import (
+    DERIVED,
     EMPTY,
     KINDS,
     LINES,
@@ -114,6 +115,8 @@ class Found(NamedTuple):
     """True for points whose coordinates are known: a benchmark, or a list that says so."""
     part: str = ""
     """Kind, if other kinds in the table have readings in other rows."""
+    title: str = ""
+    """Words above the table."""
 
     def copy(self, target: Path) -> Path:
         """Path of a copy of the rows beside the project."""
@@ -250,6 +253,7 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
             tidied=table.tidied or is_encoded or cells.was_joined,
             notes=(*encoded, *notes, *table.notes),
             is_control=table.is_control or _is_control(table, block.title),
+            title=block.title,
             part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
         )
         for rows, notes in parts
@@ -524,7 +528,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     of heights alone that lack points that were measured are control. Copies of files of one name get numbers. Raises
     :class:`InputError` for a list with both.
     """
-    tables = _with_image_points_apart(_with_names_of_observations(tables))
+    tables = _with_image_points_apart(_with_names_of_observations(_without_derived(tables)))
     paths = dict.fromkeys(table.path for table in tables)
     for k, table in enumerate(tables):
         same = [path for path in paths if path.stem == table.path.stem].index(table.path)
@@ -548,6 +552,44 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
     return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
+
+
+def _without_derived(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables without those whose values are derived from readings in another one, or are the same.
+
+    Titles and headings say that values are adjusted, reduced or means.
+    """
+    found, left = list(tables), set[int]()
+    values = [_values(table) for table in tables]
+    derived = [any(map(DERIVED.search, _names_of_values(table))) for table in tables]
+    for k, j in permutations(range(len(tables)), 2):
+        one, other = tables[k], tables[j]
+        if one.kind != other.kind or {k, j} & left or not values[k].keys() <= values[j].keys() or not values[k]:
+            continue
+        is_same = j < k and len(values[k]) > 2 and all(values[j][key] == value for key, value in values[k].items())
+        if (derived[k] and not derived[j]) or (is_same and one.kind in SIGMAS):
+            left.add(k)
+            name = " ".join(filter(None, (one.path.name, one.sheet, one.title)))
+            words = f"{name} has the same readings: not used once more"
+            found[j] = found[j]._replace(notes=(*found[j].notes, words))
+    return [table for k, table in enumerate(found) if k not in left]
+
+
+def _names_of_values(table: Found) -> list[str]:
+    cells = [cell for name, cell in table.columns.items() if name not in (*PLACES, "id") and name in KINDS[table.kind][0]]
+    return [normalised(name) for name in (table.title, table.sheet, table.path.stem, *cells)]
+
+
+def _values(table: Found) -> dict[tuple[str, ...], tuple[str, ...]]:
+    """Values of a table by the points between which they are, those of directions without the first of a station."""
+    required = [name for name in table.columns if name in KINDS.get(table.kind, ({}, {}))[0]]
+    keys = [name for name in required if name in (*PLACES, "id", "image")]
+    read = [name for name in required if name not in keys]
+    found = dict[tuple[str, ...], tuple[str, ...]]()
+    columns = [table.texts(name) for name in (*keys, *read)]
+    for row in zip(*columns, strict=False):
+        found.setdefault(row[: len(keys)], row[len(keys) :])
+    return found
 
 
 def _with_names_of_observations(tables: Sequence[Found]) -> list[Found]:

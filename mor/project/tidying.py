@@ -13,6 +13,7 @@ from mor.errors import counted
 from mor.project.column_names import (
     ANGLES,
     AXES,
+    DERIVED,
     KINDS,
     KNOWN_NAMES,
     NAMES,
@@ -259,7 +260,7 @@ def _side(cell: str) -> str:
 
 def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
     """Rows that begin tables: the first with the names of a known one, and those of other tables below."""
-    found, has_values, header = list[int](), False, ()
+    found, has_values, header, is_derived = list[int](), False, (), False
     for k, row in enumerate(rows):
         words = _words(row)
         if any(map(_begins_with_digit, words)) and not (not found and k < TITLES and fits_a_table(row)):
@@ -269,16 +270,18 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
             continue
         whole = _with_whole_header(rows[k : k + 3])
         is_known = fits_a_table(_plain(whole[0]))
-        if found and (not is_known or repeats_header(row, header, header)):
+        titled = bool(k) and bool(DERIVED.search(normalised("".join(rows[k - 1]))))
+        is_again = bool(found) and repeats_header(row, header, header) and titled == is_derived
+        if found and (not is_known or is_again):
             below = _words(rows[k + 1]) if k + 1 < len(rows) else []
             is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
             numbers = sum(map(_begins_with_digit, below))
             is_named = (is_apart and numbers > 1) or (is_apart and columns_that_are_known(row) > 1)
             is_other = len(below) - 1 <= len(words) > 2 and numbers and (is_named or _begins_alike(row, header))
-            is_known = bool(is_other) and not repeats_header(row, header, header)
+            is_known = bool(is_other) and not is_again
         if is_known:
             found.append(k)
-            has_values, header = False, tuple(cell.strip() for cell in row)
+            has_values, header, is_derived = False, tuple(cell.strip() for cell in row), titled
     return found
 
 
