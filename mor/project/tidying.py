@@ -195,7 +195,8 @@ def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, t
     size = begins[1] - begins[0] if len(begins) > 1 else 0
     if not (2 <= size <= 6 and end - start > 1):
         return rows, lines
-    last = next((k for k, (one, after) in enumerate(pairwise(begins), 1) if after - one != size), len(begins))
+    apart = [after - one for one, after in pairwise([*begins, len(rows)])]
+    last = next((k + (far > size) for k, far in enumerate(apart[:-1]) if far != size), len(begins))
     width = max(map(len, rows[start:]))
     forms = [[[cell_at(row, j) for j in range(width)] for row in rows[k : k + size]] for k in begins[:last]]
     heads = [[cell_at(row, j) for j in range(width)] for row in rows[max(start, end - size) : end]]
@@ -211,7 +212,8 @@ def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, t
         found = _by_sides(names, whole, width)
     if not found:
         return rows, lines
-    rest = begins[last - 1] + size
+    checks = begins[last - 1] + size  # rows up to the next table
+    rest = next((checks + k for k in _headers(rows[checks:], lines[checks:])), len(rows))
     own = (lines[start], *(lines[k] for k in begins[: len(whole)]))
     return (*rows[:start], *found, *rows[rest:]), (*lines[:start], *own, *lines[rest:])
 
@@ -414,6 +416,8 @@ def _first_table(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int,
     again = [k for k, row in enumerate(body) if repeats_header(row, header, used)]
     if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
+    if {len(row) for row in body} == {len(list(filter(None, header)))}:  # headings several tabs apart
+        header = tuple(filter(None, header))
     header, *body_rows = _without_index((header, *body))
     header, body = _with_joined_parts(header, tuple(body_rows))
     if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
