@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations, pairwise, permutations, product, takewhile, zip_longest
+from itertools import combinations, groupby, pairwise, permutations, product, takewhile, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,6 +41,7 @@ from mor.project.column_names import (
     number_in,
 )
 from mor.project.document import plain
+from mor.project.headerless import headerless
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.project.tidying import (
     TableRows,
@@ -82,7 +84,7 @@ _QUADRANT = re.compile(
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 
 
-class _UnknownTable(InputError):
+class _UnknownKindError(InputError):
     """A table of no known kind; the note is for a sheet that has other tables."""
 
     note = ""
@@ -135,6 +137,17 @@ class Found(NamedTuple):
         cells = (cell.replace(",", ".") if self.decimal_comma else cell for cell in self.texts(name))
         return [float(cell) for cell in cells if NUMBER.fullmatch(cell) and "," not in cell]
 
+    def places(self) -> dict[str, tuple[float, ...]]:
+        """Coordinates of a list of points by name."""
+        axes = [axis for axis in "xyz" if axis in self.columns] if self.kind == "points" else []
+        cells = (cell.replace(",", ".") for axis in axes for cell in self.texts(axis))
+        values = [float(cell) if NUMBER.fullmatch(cell) else math.nan for cell in cells]
+        return {
+            name: tuple(values[k :: len(self.rows)])
+            for k, name in enumerate(self.texts("id"))
+            if axes[:2] == ["x", "y"]
+        }
+
     @property
     def has_sigma(self) -> bool:
         """True if the table has standard deviations or covariances."""
@@ -146,11 +159,12 @@ class Found(NamedTuple):
         return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
 
 
-def read_tables(path: Path, names: Sequence[str] = ()) -> list[Found]:
+def read_tables(path: Path, *names: Sequence[str]) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
     Of several sheets in a spreadsheet those are returned that hold something known. ``names`` of columns, ``-`` for one
-    that is not used, take the place of a header. Raises :class:`InputError` if the columns are those of no kind.
+    that is not used, take the place of a header; several of them are those of rows of different lengths.
+    Raises :class:`InputError` if the columns are those of no kind.
     """
     sheets = [name for name, rows in read_sheets(path).items() if rows] if is_spreadsheet(path) else []
     if len(sheets) < 2:
@@ -187,20 +201,32 @@ def _with_sheets_apart(tables: list[Found]) -> list[Found]:
     return apart
 
 
-def _recognise(path: Path, sheet: str | None, names: Sequence[str]) -> list[Found]:
-    cells = _cells(path, sheet, len(names))
-    if names:
-        cells = _with_header(path, cells, names)
+def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) -> list[Found]:
+    cells = _cells(path, sheet, set(map(len, names)))
+    if len(names) > 1:
+        parts = [_of_rows(path, _with_header(path, _of_width(cells, len(own)), own)) for own in names]
+        return [t._replace(part=f"{t.kind}_{k}", tidied=True) for k, part in enumerate(parts, 1) for t in part]
+    return _of_rows(path, _with_header(path, cells, names[0]) if names else cells)
+
+
+def _of_width(cells: _File, width: int) -> _File:
+    """The rows that have as many cells as a table, as in files of several tables without headers."""
+    kept = [k for k, row in enumerate(cells.rows) if len(list(filter(None, map(str.strip, row)))) == width]
+    rows = tuple(tuple(map(str.strip, cells.rows[k][:width])) for k in kept)
+    return cells._replace(rows=rows, lines=tuple(cells.lines[k] for k in kept))
+
+
+def _of_rows(path: Path, cells: _File) -> list[Found]:
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
     named = tuple(row if any(map(number_in, row)) else with_hairs(row) for row in blank)
     by_image = image_points_of_matrix(blank)
     blocks = [TableRows(by_image, cells.lines[:1])] if by_image else tables_in(named, cells.lines)
-    found, unknown = list[list[Found]](), list[_UnknownTable]()
+    found, unknown = list[list[Found]](), list[_UnknownKindError]()
     for block in blocks:
         try:
             found.append(_of_block(path, cells, block, len(blocks) > 1))
-        except _UnknownTable as error:
+        except _UnknownKindError as error:
             unknown.append(error)
     if not any(found) and unknown:
         raise unknown[0]
@@ -275,17 +301,8 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     if not has_header and len(above) == len(header) and kinds_of(named_columns(above)):
         header = above
     elif not has_header:
-        words = (
-            "expected a header with the names of the columns in the first line, or --columns TABLE NAMES; only a list "
-            "of points (name, x, y, z) may be without"
-        )
-        if has_two_names(rows):
-            words = (
-                "the lines are two names and numbers, like observations of JAG3D; expected a header with the names of "
-                f"the columns in the first line, or --columns {path.name} from,to,distance"
-            )
         if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
-            raise InputError([Message(words, str(path), line)])
+            raise headerless(path, rows, line)
         rows = _padded(rows)
         header = (*OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = named_columns(header)
@@ -312,7 +329,7 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
                 "no line has the names of the columns of a known table: write them above the values, or give them by "
                 f"--columns TABLE NAMES; {known_kinds()}"
             )
-        unknown = _UnknownTable([Message(words, str(path), line)])
+        unknown = _UnknownKindError([Message(words, str(path), line)])
         unknown.note = f"another table begins below (columns {columns}): {counted(len(rows) - 1, 'row')} not read"
         raise unknown
     body, nameless = rows[has_header:], 0
@@ -576,7 +593,9 @@ def _without_derived(tables: Sequence[Found]) -> list[Found]:
 
 
 def _names_of_values(table: Found) -> list[str]:
-    cells = [cell for name, cell in table.columns.items() if name not in (*PLACES, "id") and name in KINDS[table.kind][0]]
+    cells = [
+        cell for name, cell in table.columns.items() if name not in (*PLACES, "id") and name in KINDS[table.kind][0]
+    ]
     return [normalised(name) for name in (table.title, table.sheet, table.path.stem, *cells)]
 
 
@@ -681,8 +700,8 @@ class _File(NamedTuple):
     was_joined: bool = False
 
 
-def _cells(path: Path, sheet: str | None, width: int) -> _File:
-    """Rows of a file; ``width``: columns that it is said to have, or 0."""
+def _cells(path: Path, sheet: str | None, widths: Collection[int]) -> _File:
+    """Rows of a file; ``widths``: numbers of columns that its tables are said to have."""
     if is_spreadsheet(path):
         numbers, cells = sheet_rows(path, sheet)
         return _File(",", tuple(map(tuple, cells)), tuple(numbers), (), "")
@@ -694,20 +713,18 @@ def _cells(path: Path, sheet: str | None, width: int) -> _File:
         for k, ln in enumerate(text.split("\n"), start=1)
         if ln.strip() and not ln.startswith(("#", "%")) and not _is_ruler(ln)
     ]
-    is_counted = len(numbered) > 1 and numbered[0][1].strip() == str(len(numbered) - 1)
-    numbered = numbered[is_counted:]  # the first line was the number of rows
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
-    first = lines[0] if lines else ""
+    first = next((line for line in lines if not line.strip().isdecimal()), "")
     has_bars = 2 * sum(line.count("|") > 1 for line in lines) > len(lines) and ";" not in text
     if has_bars:
         lines = [line.strip().removeprefix("|").removesuffix("|").replace("|", ";") for line in lines]
-        first = lines[0]
+        first = next(iter(lines), "")
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
-    if width:
+    if widths:
         delimiter = next(
-            (sign for sign in ";\t ," if any(len(row) == width for row in _rows(lines[-1:], sign))), likely
+            (sign for sign in ";\t ," if any(len(row) in widths for row in _rows(lines[-1:], sign))), likely
         )
     else:
         signs = sorted((likely, *";\t,"), key=lambda sign: sign == " ")  # a title has blanks, too
@@ -716,6 +733,10 @@ def _cells(path: Path, sheet: str | None, width: int) -> _File:
     reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:
         found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if any(map(str.strip, row))]
+        sizes = [str(len(list(run))) for _, run in groupby(len(row) for _, row in found[1:])]
+        counts = list(filter(None, map(str.strip, found[0][1]))) if found else []
+        is_counted = bool(counts) and counts in (sizes, [str(len(found) - 1)])
+        found = found[is_counted:]  # the first line was the number of rows, perhaps of each table
         heads = [
             tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
         ]

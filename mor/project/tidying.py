@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from statistics import median
 from typing import NamedTuple
 
@@ -29,6 +29,7 @@ from mor.project.column_names import (
     columns_of,
     columns_that_are_known,
     fits_a_table,
+    is_heading,
     kinds_of,
     name_and_unit,
     named_columns,
@@ -101,10 +102,17 @@ _FACE_COLUMNS = [
         for word in pair.split("/")
     )
     for pair in (
-        "盘左/盘右|face left/face right|circle left/circle right|kreis links/kreis rechts|lage i/lage ii|lage 1/lage 2"
-        "|face i/face ii|face 1/face 2|f1/f2|fl/fr|pd/pi|cd/ci|cg/cd|cl/cr|кл/кп|direct/reverse|direct[ao]/invers[ao]"
-        "|diret[ao]/invers[ao]|left/right|l/r|i/ii"
-    ).split("|")
+        *(
+            "盘左/盘右",
+            "face left/face right",
+            "circle left/circle right",
+            "kreis links/kreis rechts",
+            "fl/fr",
+            "cl/cr",
+        ),
+        *("lage i/lage ii", "lage 1/lage 2", "face i/face ii", "face 1/face 2", "f1/f2", "pd/pi", "cd/ci", "cg/cd"),
+        *("кл/кп", "direct/reverse", "direct[ao]/invers[ao]", "diret[ao]/invers[ao]", "left/right", "l/r", "i/ii"),
+    )
 ]
 """Words for the first and second face in headings of columns."""
 
@@ -206,7 +214,7 @@ def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, t
         for i, head in enumerate(heads)
         for j in range(width)
     ]
-    whole = [sum(form, []) for form in forms if len(form) == size]
+    whole = [list(chain(*form)) for form in forms if len(form) == size]
     found: list[tuple[str, ...]] = [tuple(names), *map(tuple, whole)]
     if columns_of("levelling between points", named_columns(names)) is None:
         found = _by_sides(names, whole, width)
@@ -262,13 +270,16 @@ def _side(cell: str) -> str:
 
 def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
     """Rows that begin tables: the first with the names of a known one, and those of other tables below."""
-    found, has_values, header, is_derived = list[int](), False, (), False
+    found, has_values, is_derived = list[int](), False, False
+    header: tuple[str, ...] = ()
     for k, row in enumerate(rows):
         words = _words(row)
-        if any(map(_begins_with_digit, words)) and not (not found and k < TITLES and fits_a_table(row)):
+        if any(map(_begins_with_digit, words)) and (
+            found or k >= TITLES or not (is_heading(row) and fits_a_table(row))
+        ):
             has_values = True
             continue
-        if found and not has_values or len(words) < 2:
+        if (found and not has_values) or len(words) < 2:
             continue
         whole = _with_whole_header(rows[k : k + 3])
         is_known = fits_a_table(_plain(whole[0]))
@@ -294,8 +305,10 @@ def _end(rows: Cells, lines: tuple[int, ...], start: int, after: int) -> int:
     gaps = [k for k in range(start + 1, after + 1) if lines[min(k, after)] > lines[k - 1] + 1]
     if gaps and all(len(_words(row)) < 3 for row in rows[gaps[-1] : after]):
         after = gaps[-1]
-    while after - 1 > start and len(_words(rows[after - 1])) == 1 and not any(
-        map(_begins_with_digit, _words(rows[after - 1]))
+    while (
+        after - 1 > start
+        and len(_words(rows[after - 1])) == 1
+        and not any(map(_begins_with_digit, _words(rows[after - 1])))
     ):
         after -= 1
     return after
@@ -329,7 +342,9 @@ def _pairs_of_faces(header: Sequence[str]) -> list[tuple[int, int, str]]:
             if name is not None and bare[1].count(name) == bare[0].count(name) == 1
         ]
         if found:
-            return [(k, j, name.strip() if normalised(name) in KNOWN_NAMES - {""} else "horizontal") for k, j, name in found]
+            return [
+                (k, j, name.strip() if normalised(name) in KNOWN_NAMES - {""} else "horizontal") for k, j, name in found
+            ]
     return []
 
 

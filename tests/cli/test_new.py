@@ -593,7 +593,11 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
             "need a column with the name of their image",
         ),
         ("1,2,3\n", "expected a header"),
-        ("1;2;3,5;0.5\n2;4;3,5;0.5\n", "two names and numbers, like observations of JAG3D; expected a header"),
+        (
+            "A;B;3,5;0.5\nB;C;3,4;0.5\n",
+            "expected a header with the names of the columns, which are 1: A, B; 2: B, C; 3: 3,5, 3,4; 4: 0.5; or give "
+            "their names, as in mor new PROJECT t.csv --columns t.csv from,to,distance,sigma",
+        ),
         ("", "expected a header"),
     ],
 )

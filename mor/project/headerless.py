@@ -1,0 +1,134 @@
+"""Tables without a header: what their columns may be, by their form and by coordinates of the points they name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
+
+from mor.errors import InputError, Message
+from mor.project.column_names import NUMBER, Cells, cell_at
+
+_CLOSE = 1e-3
+"""Part of a distance by which readings differ from approximate coordinates."""
+_BAR = ("horizontal_d", "horizontal_m", "horizontal_s")
+Places = Mapping[str, Sequence[float]]
+
+
+class HeaderlessError(InputError):
+    """A table whose columns have no names; ``rows`` are all of it."""
+
+    rows: Cells = ()
+
+
+def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
+    """Return the mistake with values of each column, and a command with names that the columns may have."""
+    blocks = [tuple(block) for _, block in groupby(rows, key=len)]
+    by_width = {len(block[0]): block for block in reversed(blocks)}
+    columns, options = list[str](), list[str]()
+    listed = {row[0]: len(row) for row in rows if len(row) == min(by_width)} if len(by_width) > 1 else {}
+    for width, block in sorted(by_width.items())[:3]:
+        for k in range(width):
+            values = ", ".join(dict.fromkeys(cell_at(row, k) for row in block[:3]))
+            columns.append(f"{k + 1} of {width}: {values}" if len(by_width) > 1 else f"{k + 1}: {values}")
+        options.append(f"--columns {path.name} {','.join(_likely_names(block, listed))}")
+    words = "expected a header with the names of the columns in the first line"
+    if columns:
+        words = (
+            f"expected a header with the names of the columns, which are {'; '.join(columns)}; or give their names, as "
+            f"in mor new PROJECT {path.name} {' '.join(options)}"
+        )
+    mistake = HeaderlessError([Message(words, str(path), line)])
+    mistake.rows = rows
+    return mistake
+
+
+def _likely_names(rows: Cells, listed: Mapping[str, int]) -> list[str]:
+    """Names that the columns of rows of one length may have; ``listed``: points, and cells in their rows."""
+    columns = [[cell_at(row, k).replace(",", ".") for row in rows] for k in range(len(rows[0]))]
+    if len(columns) > 3 and len(rows) > 1 and columns[0] == [str(k) for k in range(1, len(rows) + 1)]:
+        return ["-", *_likely_names(tuple(row[1:] for row in rows), listed)]
+    sexagesimal = next((k for k in range(1, len(columns) - 2) if _are_sexagesimal(columns[k : k + 3])), 0)
+    is_name = [not all(map(NUMBER.fullmatch, cells)) or all(map(str.isdecimal, cells)) for cells in columns]
+    names = next((k for k, is_one in enumerate(is_name) if not is_one), len(columns))
+    names = min(names, sexagesimal or names, 3)
+    rest = len(columns) - names
+    shared = names > 1 and not set(columns[0]).isdisjoint({*columns[1], *listed})
+    if sexagesimal:
+        found = ["station", "to"] if names == 2 else ["at", "from", "to"][:names]
+        angle = ["angle_d", "angle_m", "angle_s"] if names == 3 else list(_BAR)
+        found += [*angle, "distance"]
+    elif names < 2:
+        found = ["id", "x", "y", "z"] if rest > 1 else ["id", "z"]
+    elif names == 3:
+        found = ["at", "from", "to", "angle"]
+    elif rest == 2 and not shared and len(set(columns[0])) < len(columns[0]):
+        found = ["image", "point", "x", "y"]
+    elif rest > 2:
+        found = ["from", "to", "dx", "dy", "dz"]
+    else:
+        has_falls = [any(cell.startswith("-") for cell in cells) for cells in columns[2:]]
+        is_levelled = has_falls[:1] == [True] or 2 in listed.values()
+        found = [
+            "from",
+            "to",
+            *(("dz", "length") if is_levelled else ("distance", "dz" if any(has_falls) else "sigma")),
+        ]
+    return [*found[: len(columns)], *["-"] * (len(columns) - len(found))]
+
+
+def _are_sexagesimal(columns: Sequence[Sequence[str]]) -> bool:
+    whole = all(cell.isdecimal() for cells in columns[:2] for cell in cells)
+    return whole and all(
+        int(d) < 400 and int(m) < 60 and NUMBER.fullmatch(s) is not None and 0.0 <= float(s) < 60.0
+        for d, m, s in zip(*columns, strict=True)
+    )
+
+
+def listed_places(rows: Cells) -> dict[str, tuple[float, ...]]:
+    """Return coordinates by point if each row is a name and two or three of them; nothing for other tables."""
+    places = {
+        row[0].strip(): tuple(float(cell.replace(",", ".")) for cell in row[1:])
+        for row in rows
+        if len(row) in (3, 4) and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:])
+    }
+    return places if len(places) == len(rows) else {}
+
+
+def names_by_coordinates(rows: Cells, places: Places) -> list[str]:
+    """Return names of the columns if the values fit the coordinates of the points in one way; nothing for others.
+
+    Two columns name points. Three rows that agree within 0.1 % do so by chance once in 100 million tables.
+    """
+    width = min(map(len, rows), default=0)
+    ends = [k for k in range(min(width, 3)) if all(row[k].strip() in places for row in rows)]
+    if len(rows) < 3 or len(ends) != 2 or {len(row) for row in rows} != {width}:
+        return []
+    one, other = ([places[row[k].strip()] for row in rows] for k in ends)
+    expected = {"distance": [math.dist(a[:2], b[:2]) for a, b in zip(one, other, strict=True)]}
+    sizes = expected["distance"]
+    if min(len(place) for place in (*one, *other)) > 2:
+        expected = {
+            "horizontal distance": sizes,
+            "distance": [math.dist(a, b) for a, b in zip(one, other, strict=True)],
+            "dz": [b[2] - a[2] for a, b in zip(one, other, strict=True)],
+        }
+    names = ["-"] * width
+    for k in range(ends[-1] + 1, width):
+        texts = [row[k].strip().replace(",", ".") for row in rows]
+        if not all(map(NUMBER.fullmatch, texts)):
+            continue
+        values = list(map(float, texts))
+        off = {
+            name: max(abs(a - b) / size if size else math.inf for a, b, size in zip(values, own, sizes, strict=True))
+            for name, own in expected.items()
+            if name not in names
+        }
+        best = min(off, key=lambda name: off[name], default="")
+        if best and off[best] < _CLOSE:
+            names[k] = best
+    if set(names) == {"-"}:
+        return []
+    names[ends[0]], names[ends[1]] = "from", "to"
+    return names
