@@ -31,7 +31,7 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
     for width, block in sorted(by_width.items())[:3]:
         for k in range(width):
             values = ", ".join(dict.fromkeys(cell_at(row, k) for row in block[:3]))
-            columns.append(f"{k + 1} of {width}: {values}" if len(by_width) > 1 else f"{k + 1}: {values}")
+            columns.append(f"{k + 1}/{width}: {values}" if len(by_width) > 1 else f"{k + 1}: {values}")
         options.append(f"--columns {path.name} {','.join(_likely_names(block, listed))}")
     words = "expected a header with the names of the columns in the first line"
     if columns:

@@ -98,19 +98,19 @@ _FACES = {"": "", "1": "1", "2": "2"} | {
 """Faces of an instrument by their names."""
 _FACE_COLUMNS = [
     tuple(
-        re.compile(word if word > "z" else rf"(?<![^\W_]){word.replace(' ', '[ ._-]*')}(?![^\W_])", re.IGNORECASE)
+        re.compile(word if word > "z" else rf"(?<![^\W_]){word.replace('_', '[ ._-]*')}(?![^\W_])", re.IGNORECASE)
         for word in pair.split("/")
     )
     for pair in (
         *(
             "盘左/盘右",
-            "face left/face right",
-            "circle left/circle right",
-            "kreis links/kreis rechts",
+            "face_left/face_right",
+            "circle_left/circle_right",
+            "kreis_links/kreis_rechts",
             "fl/fr",
             "cl/cr",
         ),
-        *("lage i/lage ii", "lage 1/lage 2", "face i/face ii", "face 1/face 2", "f1/f2", "pd/pi", "cd/ci", "cg/cd"),
+        *("lage_i/lage_ii", "lage_1/lage_2", "face_i/face_ii", "face_1/face_2", "f1/f2", "pd/pi", "cd/ci", "cg/cd"),
         *("кл/кп", "direct/reverse", "direct[ao]/invers[ao]", "diret[ao]/invers[ao]", "left/right", "l/r", "i/ii"),
     )
 ]
