@@ -156,10 +156,6 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {},
     ),
-    "traverse": (
-        {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": _BEARING_DISTANCE},
-        {},
-    ),
     "traverse by angles": (
         {
             "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
@@ -167,6 +163,10 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
             "distance": _BEARING_DISTANCE,
         },
+        {},
+    ),
+    "traverse": (
+        {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": _BEARING_DISTANCE},
         {},
     ),
     "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, _BETWEEN),
@@ -430,7 +430,7 @@ def normalised(name: str) -> str:
     signed = _SIGNED.fullmatch(name.strip().lower())
     if signed:
         return "back" if signed[1] == "+" else "fore"
-    text = unicodedata.normalize("NFKD", name.strip().lower().translate(_UMLAUTS))
+    text = unicodedata.normalize("NFKD", name.strip().lower().removeprefix("已知").translate(_UMLAUTS))
     return re.sub(r"[\W_]", "", "".join(letter for letter in text if not unicodedata.combining(letter)))
 
 

@@ -70,7 +70,7 @@ _NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
 _CONTROL = re.compile(
     r"(?:gcp|gcps|(?:fix|fixed|known|given|held|control|kesin|fest|bekannte|gegebene|datum)"
     r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
-    r"|gcp(?:s|id|name|label|no)|idgcp|festpunkte?|passpunkte?)"
+    r"|gcp(?:s|id|name|label|no)|idgcp|festpunkte?|passpunkte?|(?:已知|控制|起算)\S*)"
 )
 """Titles of lists of control points, and headings of their names."""
 _BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, UNITS_OF_NAMES))})[)\]])(?= |$)", re.IGNORECASE)
@@ -81,6 +81,7 @@ _QUADRANT = re.compile(
     re.IGNORECASE,
 )
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
+_DIGIT = re.compile(r"[-+]?[.,]?\d")
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 
 
@@ -289,7 +290,8 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
 
 def _is_control(table: Found, title: str) -> bool:
     names = (title, table.columns.get("id", ""))
-    return table.kind == "points" and any(_CONTROL.fullmatch(normalised(name)) for name in names)
+    words = (name if name.startswith("已知") else normalised(name) for name in names)
+    return table.kind == "points" and any(map(_CONTROL.fullmatch, words))
 
 
 def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:
@@ -462,28 +464,40 @@ def _with_both_ends(
 def _by_angles(header: tuple[str, ...], body: Cells, columns: Mapping[str, str]) -> list[tuple[Cells, tuple[str, ...]]]:
     point, angle, distance = (header.index(columns[name]) for name in ("point", "angle", "distance"))
     named = [row for row in body if cell_at(row, point) and not TOTAL.match(cell_at(row, point))]
-    if len(named) > 2 and cell_at(named[-1], point) == cell_at(named[0], point) and not cell_at(named[-1], distance):
+    read = [any(_DIGIT.match(cell_at(row, k)) for k in (angle, distance)) for row in named]
+    first = read.index(True) if True in read else 0
+    last = read.index(False, first) if False in read[first:] else len(read)
+    named = named[max(first - 1, 0) : last + 1]  # a point without readings may begin and end it
+    far = [cell_at(row, distance) for row in named]
+    if not far[min(1, first)] and far[last - max(first - 1, 0) - 1]:  # distances stand beside the point that they reach
+        far = [*far[1:], ""]
+    if len(named) > 2 and cell_at(named[-1], point) == cell_at(named[0], point) and not far[-1]:
         named = named[:-1]
     names = [cell_at(row, point) for row in named]
-    is_closed = len(named) > 2 and bool(cell_at(named[-1], distance))
+    is_closed = len(named) > 2 and bool(far[len(named) - 1])
     around = zip([names[-1], *names], names, [*names[1:], names[0]], named, strict=False) if names else ()
     inner = list(around) if is_closed else list(around)[1:-1]
     angles = [(at, start, end, cell_at(row, angle)) for start, at, end, row in inner if cell_at(row, angle)]
     legs = [
-        (names[k], names[(k + 1) % len(names)], cell_at(row, distance))
-        for k, row in enumerate(named)
-        if cell_at(row, distance) and (is_closed or k + 1 < len(names))
+        (names[k], names[(k + 1) % len(names)], far[k])
+        for k in range(len(names))
+        if far[k] and (is_closed or k + 1 < len(names))
     ]
     words = ["angles of the traverse are taken as clockwise from the point before to the next one"]
     if is_closed:
         words.append(f"each leg leads to the point of the next row, the last one back to {names[0]}")
     length, unit = "horizontal distance", name_and_unit(header[distance])[1]
-    left = len(body) - len(named)
-    words += [f"{NO_READING}: {counted(left, 'row')}"] if left else []
-    return [
+    if left := len(body) - len(named):
+        words.append(f"{NO_READING}: {counted(left, 'row')}")
+    found: list[tuple[Cells, tuple[str, ...]]] = [
         ((("at", "from", "to", "angle"), *angles), tuple(words)),
         ((("from", "to", f"{length} [{unit}]" if unit else length), *legs), ()),
     ]
+    plan = columns_of("points in the plane", [one for one in named_columns(header) if one[0] != header[angle]])
+    if plan and plan["id"] == header[point]:
+        cells = [tuple(cell_at(row, header.index(plan[name])) for name in ("id", "x", "y")) for row in named]
+        found.append((((header[point], plan["x"], plan["y"]), *(row for row in cells if all(row))), ()))
+    return found
 
 
 def _ends(leg: str, path: Path) -> tuple[str, str]:
