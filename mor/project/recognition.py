@@ -349,10 +349,11 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
         if kind.startswith("points") and len(kinds) == 1:
             used_places = [header.index(cell) for cell in kinds[kind].values()]
             by_content = dict[tuple[str, ...], tuple[str, ...]]()
-            for row in full[kind]:
+            filled = [row for row in full[kind] if any(cell_at(row, k) for k in used_places)]
+            for row in filled:
                 by_content.setdefault(tuple(cell_at(row, k) for k in used_places), row)
-            once = tuple(by_content.values())
-            full[kind], repeated = once, len(full[kind]) - len(once)
+            full[kind] = tuple(by_content.values())
+            repeated = len(filled) - len(by_content)
     bare = sum(row not in kept for row in body)
     notes: tuple[str, ...] = (f"{NO_READING}: {counted(bare, 'row')}",) if bare else ()
     notes += (f"points given twice alike: {counted(repeated, 'row')}",) if repeated else ()
