@@ -33,7 +33,9 @@ def _precisions(names: str) -> str:
 
 
 _BETWEEN = {**_HEIGHTS, "sigma": NAMES.standard_deviation, "epoch": "epoch|epoche"}
-_BEARING_DISTANCE = f"{NAMES.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
+GENERAL_DISTANCES = "distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
+"""Names of distances that may be horizontal or in space."""
+_BEARING_DISTANCE = f"{NAMES.plan_distance}|{GENERAL_DISTANCES}"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _POINTS = {"x": NAMES.x, "y": NAMES.y, "z": NAMES.z}
 AXES = {"x": "xe", "y": "yn", "z": "zhu"}

@@ -8,6 +8,7 @@ import re
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations, groupby, pairwise, permutations, product, takewhile, zip_longest
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 from mor.errors import InputError, Message, counted
@@ -15,6 +16,7 @@ from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_
 from mor.project.column_names import (
     DERIVED,
     EMPTY,
+    GENERAL_DISTANCES,
     KINDS,
     LINES,
     NO_READING,
@@ -557,7 +559,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
-    of heights alone that lack points that were measured are control. Copies of files of one name get numbers. Raises
+    that lack points that were measured are control, except beside images. Copies of files of one name get numbers. Raises
     :class:`InputError` for a list with both.
     """
     tables = _with_image_points_apart(_with_names_of_observations(_without_derived(tables)))
@@ -580,10 +582,31 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
             )
             raise InputError([Message(words, str(path))])
     new = points.difference(*(table.texts("id") for table in lists))
-    if not new or any(table.is_control or table.has_sigma or "x" in table.columns for table in lists):
+    found = _with_horizontal_distances(found)
+    if not new or any(table.is_control or table.has_sigma or ("x" in table.columns and images) for table in lists):
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
     return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
+
+
+def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables, with distances as horizontal ones if they fit coordinates in plan four times as well."""
+    found, places = list(tables), {name: place for table in tables for name, place in table.places().items()}
+    for k, table in enumerate(tables):
+        if table.kind != "distance" or name_and_unit(table.columns["distance"])[0] not in GENERAL_DISTANCES.split("|"):
+            continue
+        rows = zip(*map(table.texts, ("from", "to", "distance")), strict=False)
+        read = [(places.get(one, ()), places.get(other, ()), text.replace(",", ".")) for one, other, text in rows]
+        ends = [
+            (math.dist(a[:2], b[:2]) - float(text), math.dist(a, b) - float(text))
+            for a, b, text in read
+            if len(a) == len(b) == 3 and NUMBER.fullmatch(text) and math.isfinite(math.dist(a, b))
+        ]
+        plan, slope = (median([abs(pair[k]) for pair in ends] or [0.0]) for k in (0, 1))
+        if len(ends) > 2 and 4.0 * plan < slope:
+            words = "distances fit the coordinates in plan and not in space: taken as horizontal distances"
+            found[k] = table._replace(kind="horizontal_distance", notes=(*table.notes, words))
+    return found
 
 
 def _without_derived(tables: Sequence[Found]) -> list[Found]:
@@ -615,7 +638,7 @@ def _names_of_values(table: Found) -> list[str]:
 
 
 def _values(table: Found) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Values of a table by the points between which they are, those of directions without the first of a station."""
+    """Values of a table by the points between which they are."""
     required = [name for name in table.columns if name in KINDS.get(table.kind, ({}, {}))[0]]
     keys = [name for name in required if name in (*PLACES, "id", "image")]
     read = [name for name in required if name not in keys]
@@ -820,8 +843,11 @@ def _padded(rows: Cells) -> Cells:
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers, each name once."""
-    return len({row[0] for row in rows if row}) == len(rows) > 0 and all(
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers.
+
+    Each name is given once, but for one in twenty.
+    """
+    return 20 * len({row[0] for row in rows if row}) >= 19 * len(rows) > 0 and all(
         len(row) == len(rows[0]) >= 4
         and row[0].strip()
         and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:3])

@@ -178,6 +178,8 @@ def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
         if start and any(map(_begins_with_digit, title)):
             title = []
         table = with_whole_angles(_with_whole_header(rows[start:end]))
+        if not any(map(_begins_with_digit, chain(*table[1:]))):  # a form that is not filled in
+            table = table[:1]
         own_lines = (lines[start], *lines[end - len(table) + 1 : end])
         above = rows[start - 1] if start else ()
         is_again = any(_repeats(table, one.rows) for one in found)
@@ -321,9 +323,16 @@ def _with_whole_header(rows: Cells) -> Cells:
         header = _with_subheadings(header, rows[k])
         if not header:
             break
-        if fits_a_table(_plain(header)):
+        if _columns_read(_plain(header)) >= max(_columns_read(_plain(found[0])), 1):
             found = (header, *rows[k + 1 :])
     return found
+
+
+def _columns_read(header: tuple[str, ...]) -> int:
+    """Return how many columns the kinds of tables that a header fits read; 0 if it fits none."""
+    named = named_columns([cell.strip() for cell in header])
+    kinds = kinds_of(named) or kinds_of([*named, ("", "station", "")])
+    return len({cell for columns in kinds.values() for cell in columns.values() if cell})
 
 
 def _plain(header: Sequence[str]) -> tuple[str, ...]:
@@ -782,7 +791,9 @@ def with_targets(rows: Cells) -> Cells:
 def with_station(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     """Rows of directions with a column for their station if there is none, as for one set-up; and a note on it."""
     named = named_columns([cell.strip() for cell in rows[0]]) if rows else []
-    if not named or kinds_of(named) or columns_of("directions", [("station", "station", ""), *named]) is None:
+    kinds, with_one = kinds_of(named), [("station", "station", ""), *named]
+    is_listed = all(kind.startswith("points") for kind in kinds)  # coordinates that were computed from the sights
+    if not named or not is_listed or columns_of("zenith_directions" if kinds else "directions", with_one) is None:
         return rows, ()
     below = (("station", *row) for row in rows[1:])
     return (("station", *rows[0]), *below), ("no column names the station of the readings: it is called 'station'",)

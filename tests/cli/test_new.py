@@ -1049,7 +1049,7 @@ def test_legs_of_a_traverse(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.csv").write_text("id,x,y\nA,0,0\n")
     project = tmp_path / "p.yaml"
     assert mor("new", project, tmp_path / "t.csv", tmp_path / "c.csv").code == 0
-    project.write_text(project.read_text().replace("file: c.csv", "file: c.csv\n    fixed: [x, y]"))
+    assert "file: c.csv\n    fixed: [x, y]  # CHECK" in project.read_text(), "a list that lacks points is of known ones"
     assert mor("adjust", project, "--no-html").code == 0
     rows = pl.read_csv(tmp_path / "p.results" / "points.csv").sort("id")
     a, b = 100 / np.sqrt(2), 50 / np.sqrt(2)
