@@ -174,7 +174,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": f"{NAMES.distance}|s"},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|sderror|{NAMES.standard_deviation}|ms"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist|sd')}|sderror|{NAMES.standard_deviation}|ms"},
     ),
     "height_difference": (
         {
@@ -183,14 +183,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "dz": NAMES.height_difference,
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{NAMES.standard_deviation}",
+            "sigma": f"{_precisions('dz|dh|hdiff|lv|vd')}|calcerr|{NAMES.standard_deviation}",
             "length": f"km|lengthkm|skm|l|s|{NAMES.length}",
             "epoch": "epoch|epoche",
         },
     ),
     "horizontal_distance": (
         {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{NAMES.standard_deviation}"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist|hd')}|{NAMES.standard_deviation}"},
     ),
     "observations by type": (
         {

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
 from mor.errors import InputError, Message
-from mor.project.column_names import NUMBER, Cells, cell_at
+from mor.project.column_names import NUMBER, Cells, cell_at, number_in
 
 _CLOSE = 1e-3
 """Part of a distance by which readings differ from approximate coordinates."""
 _BAR = ("horizontal_d", "horizontal_m", "horizontal_s")
+_NAMES_OF_FILES = [
+    (meant, re.compile(words))
+    for meant, words in (
+        ("horizontal", "dir|richt|hz|方向"),
+        ("bearing", "azi|bearing|rumbo|方位"),
+        ("dz", "dh|dz|level|niv|hoeh|height|高差|水准"),
+    )
+]
+"""What the values of files with such names are."""
 Places = Mapping[str, Sequence[float]]
 
 
@@ -32,49 +42,51 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
         for k in range(width):
             values = ", ".join(dict.fromkeys(cell_at(row, k) for row in block[:3]))
             columns.append(f"{k + 1}/{width}: {values}" if len(by_width) > 1 else f"{k + 1}: {values}")
-        options.append(f"--columns {path.name} {','.join(_likely_names(block, listed))}")
+        if likely := _likely_names(path, block, listed):
+            options.append(f"--columns {path.name} {','.join(likely)}")
     words = "expected a header with the names of the columns in the first line"
     if columns:
-        words = (
-            f"expected a header with the names of the columns, which are {'; '.join(columns)}; or give their names, as "
-            f"in mor new PROJECT {path.name} {' '.join(options)}"
-        )
+        words = f"expected a header with the names of the columns, which are {'; '.join(columns)}"
+        likely = f"mor new PROJECT {path.name} {' '.join(options)}"
+        words = f"{words}; or give their names, as in {likely}" if options else f"{words}; none of them names points"
     mistake = HeaderlessError([Message(words, str(path), line)])
     mistake.rows = rows
     return mistake
 
 
-def _likely_names(rows: Cells, listed: Mapping[str, int]) -> list[str]:
+def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[str]:
     """Names that the columns of rows of one length may have; ``listed``: points, and cells in their rows."""
     columns = [[cell_at(row, k).replace(",", ".") for row in rows] for k in range(len(rows[0]))]
-    if len(columns) > 3 and len(rows) > 1 and columns[0] == [str(k) for k in range(1, len(rows) + 1)]:
-        return ["-", *_likely_names(tuple(row[1:] for row in rows), listed)]
+    is_counted = columns[0] == [str(k) for k in range(1, len(rows) + 1)]
+    is_word = len(set(columns[0])) == 1 and not columns[0][0].isdecimal()
+    if len(columns) > 3 and len(rows) > 1 and (is_counted or is_word):
+        return ["-", *_likely_names(path, tuple(row[1:] for row in rows), listed)]
     sexagesimal = next((k for k in range(1, len(columns) - 2) if _are_sexagesimal(columns[k : k + 3])), 0)
     is_name = [not all(map(NUMBER.fullmatch, cells)) or all(map(str.isdecimal, cells)) for cells in columns]
     names = next((k for k, is_one in enumerate(is_name) if not is_one), len(columns))
     names = min(names, sexagesimal or names, 3)
-    rest = len(columns) - names
-    shared = names > 1 and not set(columns[0]).isdisjoint({*columns[1], *listed})
+    falls = [any(cell.startswith("-") for cell in cells) for cells in columns[names:]]
+    is_network = names > 1 and not set(columns[0]).isdisjoint({*columns[1], *listed})
+    is_short = any(0.0 < abs(number_in(cell) or 0.0) < 1.0 for cell in columns[min(names, len(columns) - 1)])
+    told = next((meant for meant, form in _NAMES_OF_FILES if form.search(path.stem.lower())), "")
+    if not names:
+        return []
     if sexagesimal:
-        found = ["station", "to"] if names == 2 else ["at", "from", "to"][:names]
-        angle = ["angle_d", "angle_m", "angle_s"] if names == 3 else list(_BAR)
-        found += [*angle, "distance"]
+        found = ["at", "from", "to", "angle_d", "angle_m", "angle_s"] if names == 3 else ["station", "to", *_BAR]
     elif names < 2:
-        found = ["id", "x", "y", "z"] if rest > 1 else ["id", "z"]
+        found = ["id", "x", "y", "z"] if len(falls) > 1 else ["id", "z"]
     elif names == 3:
         found = ["at", "from", "to", "angle"]
-    elif rest == 2 and not shared and len(set(columns[0])) < len(columns[0]):
+    elif len(falls) == 2 and (all(falls) or (not is_network and len(set(columns[0])) < len(columns[0]))):
         found = ["image", "point", "x", "y"]
-    elif rest > 2:
+    elif len(falls) > 2:
         found = ["from", "to", "dx", "dy", "dz"]
+    elif told:
+        found = ["station" if told == "horizontal" else "from", "to", told, "length" if told == "dz" else "sigma"]
+    elif falls[:1] == [True] or 2 in listed.values() or is_short:
+        found = ["from", "to", "dz", "length"]
     else:
-        has_falls = [any(cell.startswith("-") for cell in cells) for cells in columns[2:]]
-        is_levelled = has_falls[:1] == [True] or 2 in listed.values()
-        found = [
-            "from",
-            "to",
-            *(("dz", "length") if is_levelled else ("distance", "dz" if any(has_falls) else "sigma")),
-        ]
+        found = ["from", "to", "distance", "dz" if any(falls) else "sigma"]
     return [*found[: len(columns)], *["-"] * (len(columns) - len(found))]
 
 

@@ -354,12 +354,13 @@ def _units_of_precision(table: Found) -> dict[str, str]:
 
 
 def _kilometres(table: Found) -> dict[str, str]:
-    """Unit of the lengths of levelling lines if in metres one is shorter than its height difference, or all than 5 m."""
+    """Unit of the lengths of levelling lines if in metres one is shorter than its height difference, or all below 5."""
     if not {"dz", "length"} <= table.columns.keys() or "length" in table.units:
         return {}
     metre = LENGTH_UNITS.get(table.units.get("dz", "m"), 1.0)
-    pairs = [[text.replace(",", ".") for text in pair] for pair in zip(*map(table.texts, ("dz", "length")), strict=False)]
-    lines = [(abs(float(dz)) * metre, float(far)) for dz, far in pairs if NUMBER.fullmatch(dz) and NUMBER.fullmatch(far)]
+    texts = ([cell.replace(",", ".") for cell in table.texts(name)] for name in ("dz", "length"))
+    pairs = [pair for pair in zip(*texts, strict=False) if all(map(NUMBER.fullmatch, pair))]
+    lines = [(abs(float(dz)) * metre, float(far)) for dz, far in pairs]
     lines = [(dz, far) for dz, far in lines if far > 0.0]
     is_short = any(dz > far for dz, far in lines) or max((far for _, far in lines), default=5.0) < 5.0
     return {"length": "km"} if is_short else {}

@@ -14,6 +14,7 @@ from typing import NamedTuple
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.column_names import (
+    ANGLES,
     DERIVED,
     EMPTY,
     GENERAL_DISTANCES,
@@ -65,6 +66,7 @@ from mor.project.tidying import (
     without_zero_readings,
     without_zeros,
 )
+from mor.units import ANGLE_UNITS
 
 _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
@@ -209,7 +211,12 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) ->
     if len(names) > 1:
         parts = [_of_rows(path, _with_header(path, _of_width(cells, len(own)), own)) for own in names]
         return [t._replace(part=f"{t.kind}_{k}", tidied=True) for k, part in enumerate(parts, 1) for t in part]
-    return _of_rows(path, _with_header(path, cells, names[0]) if names else cells)
+    if not names:
+        return _of_rows(path, cells)
+    headed = _with_header(path, cells, names[0])
+    more = len(headed.rows[0]) - len(names[0])
+    notes = (f"{counted(more, 'column')} behind those that have names not used",) if more > 0 else ()
+    return [table._replace(notes=(*notes, *table.notes)) for table in _of_rows(path, headed)]
 
 
 def _of_width(cells: _File, width: int) -> _File:
@@ -265,13 +272,13 @@ def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
 def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
     tidy, stated = tidied_rows(with_faces_apart(block.rows) if block.rows else ())
+    tidy, alone = with_station(tidy)
     tidy, off = without_switched_off(tidy)
     tidy, wires = with_whole_readings(tidy)
     tidy, packed = without_packed_angles(tidy)
     tidy, held = with_sigmas(without_empty_readings(tidy))
     tidy, zeros = without_zeros(with_targets(with_faces(tidy)))
     tidy, none = without_zero_readings(tidy)
-    tidy, alone = with_station(tidy)
     tidy, single = with_image(tidy)
     is_encoded = cells.encoding in CODE_PAGES
     encoded: tuple[str, ...] = (not_utf8(cells.encoding),) if is_encoded else ()
@@ -370,6 +377,8 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     if short and used.isdisjoint(header[min(map(len, body)) :]):  # remarks that are not there
         full = {kind: tuple((*row, *[""] * (len(header) - len(row))) for row in rows_) for kind, rows_ in full.items()}
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
+    turned = {columns[name] for columns in kinds.values() for name in ANGLES if name in columns}
+    units = {cell: unit for cell, unit in units.items() if cell not in turned or unit in ANGLE_UNITS}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     return [
         Found(
@@ -559,8 +568,8 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
-    that lack points that were measured are control, except beside images. Copies of files of one name get numbers. Raises
-    :class:`InputError` for a list with both.
+    that lack points that were measured are control, except beside images. Copies of files of one name get numbers.
+    Raises :class:`InputError` for a list with both.
     """
     tables = _with_image_points_apart(_with_names_of_observations(_without_derived(tables)))
     paths = dict.fromkeys(table.path for table in tables)
@@ -593,7 +602,8 @@ def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with distances as horizontal ones if they fit coordinates in plan four times as well."""
     found, places = list(tables), {name: place for table in tables for name, place in table.places().items()}
     for k, table in enumerate(tables):
-        if table.kind != "distance" or name_and_unit(table.columns["distance"])[0] not in GENERAL_DISTANCES.split("|"):
+        name = name_and_unit(table.columns.get("distance", ""))[0]
+        if table.kind != "distance" or name not in GENERAL_DISTANCES.split("|"):
             continue
         rows = zip(*map(table.texts, ("from", "to", "distance")), strict=False)
         read = [(places.get(one, ()), places.get(other, ()), text.replace(",", ".")) for one, other, text in rows]
@@ -843,15 +853,20 @@ def _padded(rows: Cells) -> Cells:
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers.
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers, each name once.
 
-    Each name is given once, but for one in twenty.
+    A name may be given twice by mistake if the second column has fractions and so no names.
     """
-    return 20 * len({row[0] for row in rows if row}) >= 19 * len(rows) > 0 and all(
-        len(row) == len(rows[0]) >= 4
-        and row[0].strip()
-        and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
-        and (not row[3].strip() or NUMBER.fullmatch(row[3].strip()))
-        and not any(NUMBER.fullmatch(cell.strip()) for cell in row[4:])
-        for row in rows
+    names, is_whole = {row[0] for row in rows if row}, all(row[1].strip().isdecimal() for row in rows if len(row) > 1)
+    return (
+        len(rows) > 0
+        and (len(names) == len(rows) or (2 * len(names) > len(rows) and not is_whole))
+        and all(
+            len(row) == len(rows[0]) >= 4
+            and row[0].strip()
+            and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
+            and (not row[3].strip() or NUMBER.fullmatch(row[3].strip()))
+            and not any(NUMBER.fullmatch(cell.strip()) for cell in row[4:])
+            for row in rows
+        )
     )

@@ -120,6 +120,9 @@ _FACE_COLUMNS = [
 _NUMBERED_SIDE = re.compile(r"(?:[后後](?![视视]?[-—–~一]?前)|前)[视尺]?")
 """Side of a staff in a row of a Chinese form, before its number or the name of its point; not of their difference."""
 _HAS_LETTER = re.compile(r"[^\W\d_].*\w|\w.*[^\W\d_]")
+_HAS_DIGIT = re.compile(r"\d")
+_DOTTED = re.compile(r"([-+]?\d{1,3})\.(\d{1,2})\.(\d{1,2}(?:\.\d*)?)")
+"""Degrees, minutes and seconds between points."""
 _ENDS_OF_FORM = re.compile(r"\s*(?:[-–—~～→至|]|\n)+\s*")
 """Signs between both points of a set-up."""
 _RED_FACES = (4687.0, 4787.0)
@@ -486,6 +489,8 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     if any(units) and all(word for word, unit in zip(known, units, strict=True) if unit not in ("", "-")):
         stated = {cell: unit for cell, unit in zip(header, known, strict=False) if unit}
         body = body[1:]
+    elif body and len(_words(body[0])) > 2 and not any(map(_HAS_DIGIT.search, body[0])):
+        rows, body = (header, *body[1:]), body[1:]  # abbreviations of the headings
     named = named_columns(header)
     if not kinds_of(named):
         return _with_stations(header, body) or rows, stated
@@ -652,6 +657,9 @@ def without_packed_angles(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
         cell for columns in kinds_of(named_columns(header)).values() for name, cell in columns.items() if name in ANGLES
     }
     for k in (k for k, cell in enumerate(header) if cell in places):
+        if any(_DOTTED.fullmatch(cell_at(row, k)) for row in body):
+            rows = _replaced(rows, k, header[k], [_DOTTED.sub(r"\1-\2-\3", cell_at(row, k)) for row in body])
+            body = rows[1:]
         cells = [_PACKED.fullmatch(cell_at(row, k).replace(",", ".")) for row in body]
         digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
         long = {text for text in digits if len(text.rstrip("0")) > 2}
