@@ -174,12 +174,16 @@ def _read(paths: Sequence[Path], named: Mapping[Path, Sequence[Sequence[str]]]) 
 
 def _recognised(table: Path, *names: Sequence[str]) -> list[Found]:
     from mor.formats import FORMATS, format_of
+    from mor.formats.recognition import explain_unknown
+    from mor.input_files import read_bytes
     from mor.project.recognition import read_tables
 
     try:
         return read_tables(table, *names)
     except InputError:
         key = format_of(table)
+        if key is None and read_bytes(table)[:100].lstrip().startswith((b"<", b"\xef\xbb\xbf<")):
+            raise InputError([Message(explain_unknown(table), str(table))]) from None
         if key is None:
             raise
         words = f"this is no table but a file of {FORMATS[key].title}; mor convert or mor adjust reads it"
