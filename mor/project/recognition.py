@@ -49,6 +49,7 @@ from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.project.tidying import (
     TableRows,
     image_points_of_matrix,
+    plain_header,
     tables_in,
     tell_elevations,
     tidied_rows,
@@ -370,7 +371,7 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     used = {cell for columns in kinds.values() for cell in columns.values()}
     if twice := sorted(cell for cell in used if header.count(cell) > 1):
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
-    if delimiter == " " and has_header:
+    if delimiter == " " and has_header and not any("" in row for row in body):  # in one table as in the file
         _check_width(path, line, header, body, used)
     unused = tuple(cell for cell in header if cell and cell not in used and not PLACEHOLDER.fullmatch(cell))
     short = delimiter == " " and any(len(row) < len(header) for row in body)
@@ -763,20 +764,20 @@ def _cells(path: Path, sheet: str | None, widths: Collection[int]) -> _File:
     ]
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
-    first = next((line for line in lines if not line.strip().isdecimal()), "")
     has_bars = 2 * sum(line.count("|") > 1 for line in lines) > len(lines) and ";" not in text
     if has_bars:
         lines = [line.strip().removeprefix("|").removesuffix("|").replace("|", ";") for line in lines]
-        first = next(iter(lines), "")
-    likely = max(";\t,", key=first.count)
-    likely = likely if first.count(likely) else " "
+    likely = max(";\t,", key=next((line for line in lines if any(map(line.count, ";\t,"))), "").count)
+    likely = likely if any(likely in line for line in lines) else " "
     if widths:
         delimiter = next(
             (sign for sign in ";\t ," if any(len(row) in widths for row in _rows(lines[-1:], sign))), likely
         )
     else:
-        signs = sorted((likely, *";\t,"), key=lambda sign: sign == " ")  # a title has blanks, too
-        fitting = (sign for sign in signs if any(map(fits_a_table, _rows(lines[:TITLES], sign))))
+        signs = sorted((likely, *";\t, "), key=lambda sign: sign == " ")  # a title has blanks, too
+        fitting = (
+            sign for sign in signs if any(fits_a_table(plain_header(row)) for row in _rows(lines[:TITLES], sign))
+        )
         delimiter = next(fitting, likely)
     reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:

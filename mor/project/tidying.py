@@ -170,7 +170,8 @@ def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
     rows, lines = _with_set_ups_in_rows(rows, lines)
     starts = _headers(rows, lines)
     if not starts:
-        return [TableRows(_without_index(with_whole_angles(rows)), lines)]
+        start = next((k for k, row in enumerate(rows) if len(_words(row)) > 1), 0)  # below titles
+        return [TableRows(_without_index(with_whole_angles(rows[start:])), lines[start:])]
     found, rest = list[TableRows](), list[str]()
     unread = sum(sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[: starts[0]])
     if unread:
@@ -244,7 +245,8 @@ def _by_sides(names: Sequence[str], forms: list[list[str]], width: int) -> list[
         own = [_NUMBERED_SIDE.sub("", form[k]).strip() for k in (place, other)]
         cells = [cell for k in [*of_points, 0] for cell in form[k::width] if cell]
         parts = [part for cell in cells for part in _ENDS_OF_FORM.split(cell) if part]
-        ends.append(own if all(map(_HAS_LETTER.search, own)) else parts[:2])
+        named = [form[k] for j in of_points for k in range(j, len(form), width) if form[k]]
+        ends.append(own if all(map(_HAS_LETTER.search, own)) else named[:2] if len(named) > 1 else parts[:2])
     if any(len(both) < 2 or both[0] == both[1] for both in ends):
         return []
     header, columns = ["from", "to", "back", "fore"], [list(both) for both in ends]
@@ -287,7 +289,7 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
         if (found and not has_values) or len(words) < 2:
             continue
         whole = _with_whole_header(rows[k : k + 3])
-        is_known = fits_a_table(_plain(whole[0]))
+        is_known = fits_a_table(plain_header(whole[0]))
         titled = bool(k) and bool(DERIVED.search(normalised("".join(rows[k - 1]))))
         is_again = bool(found) and repeats_header(row, header, header) and titled == is_derived
         if found and (not is_known or is_again):
@@ -326,7 +328,7 @@ def _with_whole_header(rows: Cells) -> Cells:
         header = _with_subheadings(header, rows[k])
         if not header:
             break
-        if _columns_read(_plain(header)) >= max(_columns_read(_plain(found[0])), 1):
+        if _columns_read(plain_header(header)) >= max(_columns_read(plain_header(found[0])), 1):
             found = (header, *rows[k + 1 :])
     return found
 
@@ -338,8 +340,8 @@ def _columns_read(header: tuple[str, ...]) -> int:
     return len({cell for columns in kinds.values() for cell in columns.values() if cell})
 
 
-def _plain(header: Sequence[str]) -> tuple[str, ...]:
-    """Header as it becomes with parts of angles in one column, and faces in rows."""
+def plain_header(header: Sequence[str]) -> tuple[str, ...]:
+    """Return a header as it becomes with parts of angles in one column, and faces in rows."""
     return with_faces_apart(with_whole_angles((tuple(header),)))[0]
 
 
@@ -409,7 +411,7 @@ def _beside_each_other(rows: Cells, lines: tuple[int, ...], above: tuple[str, ..
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
         table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
         kind = next(iter(kinds_of(named_columns(names))), "") if end else "alone"
-        if end == 0 and not fits_a_table(_plain(names)):
+        if end == 0 and not fits_a_table(plain_header(names)):
             continue
         if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
             kinds.add(kind)
