@@ -13,7 +13,6 @@ from mor.project.column_names import NUMBER, Cells, cell_at, number_in
 
 _CLOSE = 1e-3
 """Part of a distance by which readings differ from approximate coordinates."""
-_BAR = ("horizontal_d", "horizontal_m", "horizontal_s")
 _NAMES_OF_FILES = [
     (meant, re.compile(words))
     for meant, words in (
@@ -47,11 +46,20 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
     words = "expected a header with the names of the columns in the first line"
     if columns:
         words = f"expected a header with the names of the columns, which are {'; '.join(columns)}"
-        likely = f"mor new PROJECT {path.name} {' '.join(options)}"
-        words = f"{words}; or give their names, as in {likely}" if options else f"{words}; none of them names points"
+        command = f"mor new PROJECT {path.name} {' '.join(options)}"
+        words = f"{words}; or give their names, as in {command}" if options else f"{words}; none of them names points"
     mistake = HeaderlessError([Message(words, str(path), line)])
     mistake.rows = rows
     return mistake
+
+
+def with_names_apart(rows: Cells) -> Cells:
+    """Rows of numbers behind two or three names that one cell joins, as T7-T5-T6, with a cell for each name."""
+    for sign in "-_/":
+        names = [row[0].split(sign) for row in rows]
+        if all(len(one) in (2, 3) and all(one) for one in names) and not any(NUMBER.fullmatch(row[0]) for row in rows):
+            return tuple((*one, *row[1:]) for one, row in zip(names, rows, strict=True))
+    return rows
 
 
 def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[str]:
@@ -71,12 +79,13 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
     told = next((meant for meant, form in _NAMES_OF_FILES if form.search(path.stem.lower())), "")
     if not names:
         return []
-    if sexagesimal:
-        found = ["at", "from", "to", "angle_d", "angle_m", "angle_s"] if names == 3 else ["station", "to", *_BAR]
+    if names == 3:  # the vertex is named in fewer ways than the other points
+        ends = ["from", "at", "to"] if len(set(columns[1])) < len(set(columns[0])) else ["at", "from", "to"]
+        found = [*ends, *(("angle_d", "angle_m", "angle_s") if sexagesimal else ("angle",))]
+    elif sexagesimal:
+        found = ["station", "to", "horizontal_d", "horizontal_m", "horizontal_s"]
     elif names < 2:
         found = ["id", "x", "y", "z"] if len(falls) > 1 else ["id", "z"]
-    elif names == 3:
-        found = ["at", "from", "to", "angle"]
     elif len(falls) == 2 and (all(falls) or (not is_network and len(set(columns[0])) < len(columns[0]))):
         found = ["image", "point", "x", "y"]
     elif len(falls) > 2:

@@ -44,7 +44,7 @@ from mor.project.column_names import (
     number_in,
 )
 from mor.project.document import plain
-from mor.project.headerless import headerless
+from mor.project.headerless import headerless, with_names_apart
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.project.tidying import (
     TableRows,
@@ -209,6 +209,8 @@ def _with_sheets_apart(tables: list[Found]) -> list[Found]:
 
 def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) -> list[Found]:
     cells = _cells(path, sheet, set(map(len, names)))
+    apart = () if any(map(is_heading, cells.rows)) else with_names_apart(cells.rows)
+    cells = cells._replace(rows=apart, was_joined=True) if apart and apart != cells.rows else cells
     if len(names) > 1:
         parts = [_of_rows(path, _with_header(path, _of_width(cells, len(own)), own)) for own in names]
         return [t._replace(part=f"{t.kind}_{k}", tidied=True) for k, part in enumerate(parts, 1) for t in part]
@@ -378,8 +380,6 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     if short and used.isdisjoint(header[min(map(len, body)) :]):  # remarks that are not there
         full = {kind: tuple((*row, *[""] * (len(header) - len(row))) for row in rows_) for kind, rows_ in full.items()}
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
-    turned = {columns[name] for columns in kinds.values() for name in ANGLES if name in columns}
-    units = {cell: unit for cell, unit in units.items() if cell not in turned or unit in ANGLE_UNITS}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     return [
         Found(
@@ -387,7 +387,7 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
             kind.split(" ")[0],
             columns,
             unused,
-            {ours: units[theirs] for ours, theirs in columns.items() if theirs in units},
+            {o: unit for o, theirs in columns.items() if (unit := units.get(theirs)) and _fits_unit(kind, o, unit)},
             delimiter,
             decimal_comma,
             has_header,
@@ -400,6 +400,12 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
         )
         for kind, columns in kinds.items()
     ]
+
+
+def _fits_unit(kind: str, name: str, unit: str) -> bool:
+    """Return False for the unit of a length at an angle or its standard deviation."""
+    is_precision = name.startswith("sigma") and not KINDS[kind][0].keys().isdisjoint(ANGLES)
+    return unit in ANGLE_UNITS or not (name in ANGLES or is_precision)
 
 
 def _parts(rows: Cells, path: Path) -> list[tuple[Cells, tuple[str, ...]]]:
