@@ -66,7 +66,7 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
     """Names that the columns of rows of one length may have; ``listed``: points, and cells in their rows."""
     columns = [[cell_at(row, k).replace(",", ".") for row in rows] for k in range(len(rows[0]))]
     is_counted = columns[0] == [str(k) for k in range(1, len(rows) + 1)]
-    is_word = len(set(columns[0])) == 1 and not columns[0][0].isdecimal()
+    is_word = len(set(columns[0])) == 1 and len(columns[0][0]) > 2 and not columns[0][0].isdecimal()
     if len(columns) > 3 and len(rows) > 1 and (is_counted or is_word):
         return ["-", *_likely_names(path, tuple(row[1:] for row in rows), listed)]
     sexagesimal = next((k for k in range(1, len(columns) - 2) if _are_sexagesimal(columns[k : k + 3])), 0)
