@@ -631,9 +631,19 @@ def _without_derived(tables: Sequence[Found]) -> list[Found]:
 
     Titles and headings say that values are adjusted, reduced or means.
     """
-    found, left = list(tables), set[int]()
-    values = [_values(table) for table in tables]
-    derived = [any(map(DERIVED.search, _names_of_values(table))) for table in tables]
+    found, left, values, derived = (
+        list(tables),
+        set[int](),
+        list[dict[tuple[str, ...], tuple[str, ...]]](),
+        list[bool](),
+    )
+    for table in tables:
+        keys = [name for name in table.columns if name in (*PLACES, "id", "image")]
+        read = [name for name in table.columns if name in KINDS[table.kind][0] and name not in keys]
+        rows = list(zip(*map(table.texts, (*keys, *read)), strict=False))
+        values.append({row[: len(keys)]: row[len(keys) :] for row in reversed(rows)})
+        names = (table.title, table.sheet, table.path.stem, *(table.columns[name] for name in read))
+        derived.append(any(DERIVED.search(normalised(name)) for name in names))
     for k, j in permutations(range(len(tables)), 2):
         one, other = tables[k], tables[j]
         if one.kind != other.kind or {k, j} & left or not values[k].keys() <= values[j].keys() or not values[k]:
@@ -645,25 +655,6 @@ def _without_derived(tables: Sequence[Found]) -> list[Found]:
             words = f"{name} has the same readings: not used once more"
             found[j] = found[j]._replace(notes=(*found[j].notes, words))
     return [table for k, table in enumerate(found) if k not in left]
-
-
-def _names_of_values(table: Found) -> list[str]:
-    cells = [
-        cell for name, cell in table.columns.items() if name not in (*PLACES, "id") and name in KINDS[table.kind][0]
-    ]
-    return [normalised(name) for name in (table.title, table.sheet, table.path.stem, *cells)]
-
-
-def _values(table: Found) -> dict[tuple[str, ...], tuple[str, ...]]:
-    """Values of a table by the points between which they are."""
-    required = [name for name in table.columns if name in KINDS.get(table.kind, ({}, {}))[0]]
-    keys = [name for name in required if name in (*PLACES, "id", "image")]
-    read = [name for name in required if name not in keys]
-    found = dict[tuple[str, ...], tuple[str, ...]]()
-    columns = [table.texts(name) for name in (*keys, *read)]
-    for row in zip(*columns, strict=False):
-        found.setdefault(row[: len(keys)], row[len(keys) :])
-    return found
 
 
 def _with_names_of_observations(tables: Sequence[Found]) -> list[Found]:

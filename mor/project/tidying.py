@@ -125,7 +125,6 @@ _DOTTED = re.compile(r"([-+]?\d{1,3})\.(\d{1,2})\.(\d{1,2}(?:\.\d*)?)")
 """Degrees, minutes and seconds between points."""
 _ENDS_OF_FORM = re.compile(r"\s*(?:[-–—~～→至|]|\n)+\s*")
 """Signs between both points of a set-up."""
-_RED_FACES = (4687.0, 4787.0)
 
 
 class TableRows(NamedTuple):
@@ -178,16 +177,14 @@ def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
         rest.append(f"rows with numbers stand above the header: {counted(unread, 'row')} not read")
     ends = [_end(rows, lines, start, after) for start, after in pairwise([*starts, len(rows)])]
     for start, end in zip(starts, ends, strict=True):
-        title = _words(rows[start - 1]) if start else []
-        if start and any(map(_begins_with_digit, title)):
-            title = []
+        above = rows[start - 1] if start else ()
+        title = "" if any(map(_begins_with_digit, _words(above))) else " ".join(_words(above))
         table = with_whole_angles(_with_whole_header(rows[start:end]))
         if not any(map(_begins_with_digit, chain(*table[1:]))):  # a form that is not filled in
             table = table[:1]
         own_lines = (lines[start], *lines[end - len(table) + 1 : end])
-        above = rows[start - 1] if start else ()
         is_again = any(_repeats(table, one.rows) for one in found)
-        beside = [] if is_again else _beside_each_other(table, own_lines, above, " ".join(title))
+        beside = [] if is_again else _beside_each_other(table, own_lines, above, title)
         if beside or not found:
             found += beside
         else:
@@ -240,39 +237,33 @@ def _by_sides(names: Sequence[str], forms: list[list[str]], width: int) -> list[
     if place < 0 or other < 0 or place % width == width - 1:
         return []
     of_points = [k % width for k, name in enumerate(names) if normalised(name) in NAMES.point.split("|")]
-    ends = []
+    ends = list[list[str]]()
     for form in forms:
         own = [_NUMBERED_SIDE.sub("", form[k]).strip() for k in (place, other)]
-        cells = [cell for k in [*of_points, 0] for cell in form[k::width] if cell]
-        parts = [part for cell in cells for part in _ENDS_OF_FORM.split(cell) if part]
-        named = [form[k] for j in of_points for k in range(j, len(form), width) if form[k]]
+        named = [cell for j in of_points for cell in form[j::width] if cell]
+        parts = [part for cell in (*named, form[0]) for part in _ENDS_OF_FORM.split(cell) if part]
         ends.append(own if all(map(_HAS_LETTER.search, own)) else named[:2] if len(named) > 1 else parts[:2])
     if any(len(both) < 2 or both[0] == both[1] for both in ends):
         return []
-    header, columns = ["from", "to", "back", "fore"], [list(both) for both in ends]
-    for form, row in zip(forms, columns, strict=True):
-        row += [form[place + 1], form[other + 1]]
-    second = [[number_in(form[k + 2]) if k % width + 2 < width else None for k in (place, other)] for form in forms]
-    first = [[number_in(form[k + 1]) or 0.0 for k in (place, other)] for form in forms]
-    apart = [b - a for one, two in zip(first, second, strict=True) for a, b in zip(one, two, strict=True) if b]
-    unit = 1.0 if max(map(max, first), default=0.0) > 10.0 else 0.001
-    zeros = [min(_RED_FACES, key=lambda zero: abs(zero * unit - size)) * unit for size in apart]
-    # A red face begins at 4687 or 4787 mm; readings of one staff on both faces agree within a centimetre.
-    if len(apart) == 2 * len(forms) and all(abs(a - b) < 10.0 * unit for a, b in zip(apart, zeros, strict=True)):
-        header += ["back2", "fore2"]
-        for k, row in enumerate(columns):
-            row += [f"{(second[k][j] or 0.0) - zeros[2 * k + j]:.9g}" for j in (0, 1)]
+    columns = {"from": [one for one, _ in ends], "to": [end for _, end in ends]}
+    read = {side: [form[k + 1] for form in forms] for side, k in (("back", place), ("fore", other))}
+    for side, k in (("back", place), ("fore", other)) if place % width + 2 < width else ():
+        pairs = [(number_in(form[k + 1]) or 0.0, number_in(form[k + 2]) or 0.0) for form in forms]
+        unit = 1.0 if max(black for black, _ in pairs) > 10.0 else 0.001
+        zeros = [min((4687.0, 4787.0), key=lambda mm: abs(red - black - mm * unit)) * unit for black, red in pairs]
+        # A red face begins at 4687 or 4787 mm; readings of one staff on both faces agree within a centimetre.
+        if all(abs(red - black - zero) < 10.0 * unit for (black, red), zero in zip(pairs, zeros, strict=True)):
+            read[f"{side}2"] = [f"{red - zero:.9g}" for (_, red), zero in zip(pairs, zeros, strict=True)]
     for ours, others in (("back_distance", NAMES.back_distance), ("fore_distance", NAMES.fore_distance)):
         if far := [k for k, name in enumerate(names) if name_and_unit(name)[0] in others.split("|")]:
-            header.append(ours)
-            for form, row in zip(forms, columns, strict=True):
-                row.append(form[far[0]])
-    return [tuple(header), *map(tuple, columns)]
+            read[ours] = [form[far[0]] for form in forms]
+    columns |= read
+    return [tuple(columns), *zip(*columns.values(), strict=True)]
 
 
 def _side(cell: str) -> str:
     word = _NUMBERED_SIDE.match(cell.strip())
-    return {"后": "back", "後": "back", "前": "fore"}.get(word[0][0], "") if word else ""
+    return {"前": "fore"}.get(word[0][0], "back") if word else ""
 
 
 def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
@@ -291,14 +282,15 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
         whole = _with_whole_header(rows[k : k + 3])
         is_known = fits_a_table(plain_header(whole[0]))
         titled = bool(k) and bool(DERIVED.search(normalised("".join(rows[k - 1]))))
-        is_again = bool(found) and repeats_header(row, header, header) and titled == is_derived
-        if found and (not is_known or is_again):
+        if found and repeats_header(row, header, header) and titled == is_derived:
+            continue
+        if found and not is_known:
             below = _words(rows[k + 1]) if k + 1 < len(rows) else []
-            is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
             numbers = sum(map(_begins_with_digit, below))
-            is_named = (is_apart and numbers > 1) or (is_apart and columns_that_are_known(row) > 1)
-            is_other = len(below) - 1 <= len(words) > 2 and numbers and (is_named or _begins_alike(row, header))
-            is_known = bool(is_other) and not is_again
+            is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
+            is_named = is_apart and (numbers > 1 or columns_that_are_known(row) > 1)
+            begins_alike = normalised(cell_at(row, 0)) == normalised(header[0]) != ""
+            is_known = len(below) - 1 <= len(words) > 2 and numbers > 0 and (is_named or begins_alike)
         if is_known:
             found.append(k)
             has_values, header, is_derived = False, tuple(cell.strip() for cell in row), titled
@@ -309,14 +301,10 @@ def _end(rows: Cells, lines: tuple[int, ...], start: int, after: int) -> int:
     """End of a table: titles and rows of a name and a value above the next header do not belong to it."""
     if after == len(rows):
         return after
-    gaps = [k for k in range(start + 1, after + 1) if lines[min(k, after)] > lines[k - 1] + 1]
+    gaps = [k for k in range(start + 1, after + 1) if lines[k] > lines[k - 1] + 1]
     if gaps and all(len(_words(row)) < 3 for row in rows[gaps[-1] : after]):
         after = gaps[-1]
-    while (
-        after - 1 > start
-        and len(_words(rows[after - 1])) == 1
-        and not any(map(_begins_with_digit, _words(rows[after - 1])))
-    ):
+    while after - 1 > start and len(above := _words(rows[after - 1])) == 1 and not _begins_with_digit(above[0]):
         after -= 1
     return after
 
@@ -348,17 +336,11 @@ def plain_header(header: Sequence[str]) -> tuple[str, ...]:
 def _pairs_of_faces(header: Sequence[str]) -> list[tuple[int, int, str]]:
     """Columns of one reading in the first and in the second face, and the name of the reading."""
     for first, second in _FACE_COLUMNS:
-        names = [[form.sub(" ", cell) if form.search(cell) else None for cell in header] for form in (first, second)]
-        bare = [[None if name is None else normalised(name) for name in both] for both in names]
-        found = [
-            (k, bare[1].index(name), names[0][k] or "")
-            for k, name in enumerate(bare[0])
-            if name is not None and bare[1].count(name) == bare[0].count(name) == 1
-        ]
-        if found:
-            return [
-                (k, j, name.strip() if normalised(name) in KNOWN_NAMES - {""} else "horizontal") for k, j, name in found
-            ]
+        ends = {normalised(second.sub(" ", cell)): k for k, cell in enumerate(header) if second.search(cell)}
+        names = {k: first.sub(" ", cell).strip() for k, cell in enumerate(header) if first.search(cell)}
+        if found := [(k, ends[normalised(name)], name) for k, name in names.items() if normalised(name) in ends]:
+            known = KNOWN_NAMES - {""}
+            return [(k, j, name if normalised(name) in known else "horizontal") for k, j, name in found]
     return []
 
 
@@ -454,11 +436,6 @@ def _first_table(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int,
         keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
         header, body = tuple(header[k] for k in keep), tuple(tuple(cell_at(row, k) for k in keep) for row in body)
     return (header, *body), lines, tuple(notes)
-
-
-def _begins_alike(row: tuple[str, ...], header: tuple[str, ...]) -> bool:
-    first, other = normalised(cell_at(header, 0)), normalised(cell_at(row, 0))
-    return first == other != "" and sum(bool(cell.strip()) for cell in row) > 2
 
 
 def repeats_header(row: tuple[str, ...], header: Sequence[str], used: Collection[str]) -> bool:

@@ -133,7 +133,7 @@ def test_texts_that_are_not_utf_8(text: str, encoding: str) -> None:
         ("t", "1 2 0 0 0\n1 3 45 12 33.2\n", "1: 1; 2: 2, 3", "station,to,horizontal_d,horizontal_m,horizontal_s"),
         ("t", "1 P1 10.2 20.3\n1 P2 11.2 -20.3\n", "2: P1, P2", "image,point,x,y"),
         ("t", "P1 10.25 20.5\nP2 30.5 20.5\n", "1: P1, P2", "id,x,y"),
-        ("t", "1,A,B,20.4,73.7\n2,A,D,18.8,14.0\n", "1: 1, 2; 2: A", "-,from,to,distance,sigma"),
+        ("t", "1,A,B,20.4,73.7\n2,A,D,18.8,14.0\n3,D,B,9.8,1.5\n", "1: 1, 2, 3; 2: A, D", "-,from,to,distance,sigma"),
         ("t", "2,1,3,319.51\n2,1,4,348.66\n", "4: 319.51, 348.66", "at,from,to,angle"),
         ("dirs", "1,2,100.34\n2,1,66.55\n", "3: 100.34, 66.55", "station,to,horizontal"),
         ("t", "1,4,0.05,1\n4,2,1.05,2\n", "3: 0.05, 1.05", "from,to,dz,length"),
