@@ -235,6 +235,10 @@ KNOWN_NAMES = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part
 """All names of columns."""
 _ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*|;.*)$", re.IGNORECASE)
 """A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
+_MEASURED = re.compile(
+    "observed |measured |gemessene[rs]? |beobachtete[rs]? |observad[oa] |medid[oa] |实测", re.IGNORECASE
+)
+"""Words before the name of a reading."""
 _WITH_UNIT = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|[\s_]in[\s_]([A-Za-zµ]+)|_([A-Za-zµ]+))")
 LINES = ("distance", "horizontal_distance")
 """Kinds of distances: one is computed from the other where a table has both."""
@@ -254,6 +258,13 @@ _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\
 """Readings back and forward that have the signs with which they enter the height."""
 TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
+CONTROL = re.compile(
+    r"(?:gcp|gcps|(?:fix|fixed|known|given|held|(?:ground)?control|kesin|fest|bekannte|gegebene|datum)"
+    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
+    r"|gcp(?:s|id|name|label|no)|idgcp|control|festpunkte?|passpunkte?|(?:已知|控制|起算)\S*"
+    r"|(?:puntos|pontos|cotas|coordenadas)(?:fijos|fixos|decontrole?|con(?:oc|hec)id[oa]s))"
+)
+"""Titles of lists of control points, and headings of their names."""
 DERIVED = re.compile(
     "adjusted|reduced|corrected|computed|calculated|mean|average|result|ajustad|compensad|corregid|corrigid|calculad"
     "|reducid|reduzid|promedi|resultad|ausgeglichen|reduziert|gemittelt|mittel|berechnet|verbessert|ergebnis"
@@ -418,13 +429,14 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
     if len(cell) > 200:
         return cell, ""
-    match = _WITH_UNIT.fullmatch(cell.strip())
+    match, unit, bare = _WITH_UNIT.fullmatch(cell.strip()), "", cell
     if match:
         word = next(group for group in match.groups()[1:] if group is not None)
-        if unit := WORDS_OF_UNITS.get(word) or WORDS_OF_UNITS.get(word.strip().lower()):
-            return normalised(match[1]), unit
-    first = normalised(_ANOTHER.sub("", cell.strip()))
-    return first if first in KNOWN_NAMES and normalised(cell) not in KNOWN_NAMES else normalised(cell), ""
+        unit = WORDS_OF_UNITS.get(word) or WORDS_OF_UNITS.get(word.strip().lower(), "")
+        bare = match[1] if unit else cell
+    others = (_ANOTHER.sub("", bare.strip()), _MEASURED.sub("", bare.strip()))
+    names = (normalised(bare), *map(normalised, others))
+    return next((name for name in names if name in KNOWN_NAMES), names[0]), unit
 
 
 def normalised(name: str) -> str:

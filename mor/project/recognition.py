@@ -15,6 +15,7 @@ from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.column_names import (
     ANGLES,
+    CONTROL,
     DERIVED,
     EMPTY,
     GENERAL_DISTANCES,
@@ -72,12 +73,6 @@ from mor.units import ANGLE_UNITS
 _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
 """What programs write into empty cells; an asterisk is the σ of what is free."""
-_CONTROL = re.compile(
-    r"(?:gcp|gcps|(?:fix|fixed|known|given|held|control|kesin|fest|bekannte|gegebene|datum)"
-    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
-    r"|gcp(?:s|id|name|label|no)|idgcp|festpunkte?|passpunkte?|(?:已知|控制|起算)\S*)"
-)
-"""Titles of lists of control points, and headings of their names."""
 _BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, UNITS_OF_NAMES))})[)\]])(?= |$)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _QUADRANT = re.compile(
@@ -303,7 +298,7 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
 def _is_control(table: Found, title: str) -> bool:
     names = (title, table.columns.get("id", ""))
     words = (name if name.startswith("已知") else normalised(name) for name in names)
-    return table.kind == "points" and any(map(_CONTROL.fullmatch, words))
+    return table.kind == "points" and any(map(CONTROL.fullmatch, words))
 
 
 def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:

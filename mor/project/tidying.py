@@ -13,6 +13,7 @@ from mor.errors import counted
 from mor.project.column_names import (
     ANGLES,
     AXES,
+    CONTROL,
     DERIVED,
     KINDS,
     KNOWN_NAMES,
@@ -166,13 +167,13 @@ def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
 
     A header has no numbers, but rows with numbers below it. A table ends where another header follows.
     """
-    rows, lines = _with_set_ups_in_rows(rows, lines)
+    rows, lines = _with_headers_of_points(*_with_set_ups_in_rows(rows, lines))
     starts = _headers(rows, lines)
     if not starts:
         start = next((k for k, row in enumerate(rows) if len(_words(row)) > 1), 0)  # below titles
         return [TableRows(_without_index(with_whole_angles(rows[start:])), lines[start:])]
     found, rest = list[TableRows](), list[str]()
-    unread = sum(sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[: starts[0]])
+    unread = sum(any(map(NUMBER.fullmatch, map(str.strip, row[1:]))) for row in rows[: starts[0]])
     if unread:
         rest.append(f"rows with numbers stand above the header: {counted(unread, 'row')} not read")
     ends = [_end(rows, lines, start, after) for start, after in pairwise([*starts, len(rows)])]
@@ -227,6 +228,20 @@ def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, t
     rest = next((checks + k for k in _headers(rows[checks:], lines[checks:])), len(rows))
     own = (lines[start], *(lines[k] for k in begins[: len(whole)]))
     return (*rows[:start], *found, *rows[rest:]), (*lines[:start], *own, *lines[rest:])
+
+
+def _with_headers_of_points(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...]]:
+    """Rows and lines with a header between a title such as "known points" and names with one to three coordinates."""
+    found, numbers = list[tuple[str, ...]](), list[int]()
+    for row, below, line in zip(rows, (*rows[1:], ()), lines, strict=False):
+        found.append(row)
+        numbers.append(line)
+        cells = _words(below)
+        is_listed = 1 < len(cells) < 5 and all(map(NUMBER.fullmatch, cells[1:]))
+        if is_listed and len(words := _words(row)) < 4 and CONTROL.fullmatch(normalised("".join(words))):
+            found.append(("id", "x", "y", "z")[: len(cells)] if cells[2:] else ("id", "z"))
+            numbers.append(line)
+    return tuple(found), tuple(numbers)
 
 
 def _by_sides(names: Sequence[str], forms: list[list[str]], width: int) -> list[tuple[str, ...]]:
@@ -340,7 +355,7 @@ def _pairs_of_faces(header: Sequence[str]) -> list[tuple[int, int, str]]:
         names = {k: first.sub(" ", cell).strip() for k, cell in enumerate(header) if first.search(cell)}
         if found := [(k, ends[normalised(name)], name) for k, name in names.items() if normalised(name) in ends]:
             known = KNOWN_NAMES - {""}
-            return [(k, j, name if normalised(name) in known else "horizontal") for k, j, name in found]
+            return [(k, j, name if name_and_unit(name)[0] in known else "horizontal") for k, j, name in found]
     return []
 
 
@@ -537,8 +552,9 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         group = cell if is_own else group
         divided |= bool(part) and not is_own
         # A name of its own that no other group has needs none, as the height behind the readings of a book.
-        # Headings of up to three letters such as D, M, S and sec say nothing without the one above them.
-        is_alone = not is_own and name in KNOWN_NAMES and len(name) > 3 and parts.count(name) == 1
+        # Headings of up to three Latin letters such as D, M, S and sec say nothing without the one above them.
+        is_alone = name in KNOWN_NAMES and len(part.strip().encode()) > 3 and parts.count(name) == 1
+        is_alone &= not is_own or name_and_unit(cell)[0] not in KNOWN_NAMES
         part = "" if part.strip() == cell else part.strip()
         names.append((part if is_alone else f"{group} {part}") if part else cell)
     return with_hairs(names) if divided else ()

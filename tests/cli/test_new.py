@@ -1591,7 +1591,7 @@ def test_sigmas_of_heights_in_millimetres(tmp_path: Path) -> None:
 
 
 def test_rows_above_a_header_are_counted(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text("Control,,\nP,100,200\nA,150,250\n,,\nfrom,to,distance\nP,A,58.4\nA,C,115.1\n")
+    (tmp_path / "t.csv").write_text("Somebody,,\nP,100,200\nA,150,250\n,,\nfrom,to,distance\nP,A,58.4\nA,C,115.1\n")
     (found,) = recognise(tmp_path / "t.csv")
     assert "rows with numbers stand above the header: 2 rows not read" in found.notes
 
