@@ -102,10 +102,10 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "angle": (
         {
-            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
-            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
-            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
-            "angle": "angle|ang|winkel|angleright|horizontalangle",
+            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation|测站|测站点",
+            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint|后视|后视点",
+            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint|前视|前视点",
+            "angle": "angle|ang|winkel|angleright|horizontalangle|观测角|角度|角值|转折角|水平角|夹角",
         },
         {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{NAMES.standard_deviation}"},
     ),
@@ -312,6 +312,11 @@ _UMLAUTS = str.maketrans(
         "σ": "sigma",
     }
 )
+
+
+def is_control(title: str) -> bool:
+    """Return whether words name control points."""
+    return CONTROL.fullmatch(title.strip() if title.strip().startswith("已知") else normalised(title)) is not None
 
 
 def cell_at(row: tuple[str, ...], place: int) -> str:

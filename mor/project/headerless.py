@@ -54,10 +54,11 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
 
 
 def with_names_apart(rows: Cells) -> Cells:
-    """Rows of numbers behind two or three names that one cell joins, as T7-T5-T6, with a cell for each name."""
+    """Rows of a number behind two or three names that one cell joins, as T7-T5-T6, with a cell for each name."""
     for sign in "-_/":
         names = [row[0].split(sign) for row in rows]
-        if all(len(one) in (2, 3) and all(one) for one in names) and not any(NUMBER.fullmatch(row[0]) for row in rows):
+        is_network = not {one[0] for one in names}.isdisjoint(one[-1] for one in names)
+        if is_network and all(len(one) in (2, 3) and len(row) == 2 for one, row in zip(names, rows, strict=True)):
             return tuple((*one, *row[1:]) for one, row in zip(names, rows, strict=True))
     return rows
 

@@ -15,7 +15,6 @@ from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.column_names import (
     ANGLES,
-    CONTROL,
     DERIVED,
     EMPTY,
     GENERAL_DISTANCES,
@@ -36,6 +35,7 @@ from mor.project.column_names import (
     columns_of,
     columns_that_are_known,
     fits_a_table,
+    is_control,
     is_heading,
     kinds_of,
     known_kinds,
@@ -296,9 +296,7 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
 
 
 def _is_control(table: Found, title: str) -> bool:
-    names = (title, table.columns.get("id", ""))
-    words = (name if name.startswith("已知") else normalised(name) for name in names)
-    return table.kind == "points" and any(map(CONTROL.fullmatch, words))
+    return table.kind == "points" and any(map(is_control, (title, table.columns.get("id", ""))))
 
 
 def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:

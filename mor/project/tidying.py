@@ -13,7 +13,6 @@ from mor.errors import counted
 from mor.project.column_names import (
     ANGLES,
     AXES,
-    CONTROL,
     DERIVED,
     KINDS,
     KNOWN_NAMES,
@@ -30,6 +29,7 @@ from mor.project.column_names import (
     columns_of,
     columns_that_are_known,
     fits_a_table,
+    is_control,
     is_heading,
     kinds_of,
     name_and_unit,
@@ -238,7 +238,7 @@ def _with_headers_of_points(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells,
         numbers.append(line)
         cells = _words(below)
         is_listed = 1 < len(cells) < 5 and all(map(NUMBER.fullmatch, cells[1:]))
-        if is_listed and len(words := _words(row)) < 4 and CONTROL.fullmatch(normalised("".join(words))):
+        if is_listed and len(words := _words(row)) < 4 and is_control("".join(words)):
             found.append(("id", "x", "y", "z")[: len(cells)] if cells[2:] else ("id", "z"))
             numbers.append(line)
     return tuple(found), tuple(numbers)
@@ -293,6 +293,16 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
             has_values = True
             continue
         if (found and not has_values) or len(words) < 2:
+            after = _words(rows[k + 1]) if k + 1 < len(rows) else []
+            if (
+                has_values
+                and header[:1] == ("id",)
+                and len(words) == 1
+                and after[2:]
+                and not NUMBER.fullmatch(after[1])
+            ):
+                found.append(k + 1)  # a list of known points without a header ends
+                has_values, header = False, ("",)
             continue
         whole = _with_whole_header(rows[k : k + 3])
         is_known = fits_a_table(plain_header(whole[0]))
@@ -627,7 +637,8 @@ def with_whole_angles(rows: Cells) -> Cells:
             if None in found or len(before) > 1:
                 continue
             cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
-            name = before.pop()
+            bare = before.pop()
+            name = next(row[j][:k].strip() for k in range(len(row[j]) + 1) if _bare_name(row[j][:k]) == bare)
             if not name and len(names[j]) == 1 and names[j].isalpha() and not all(map(_is_sexagesimal, cells)):
                 continue
             if not name:

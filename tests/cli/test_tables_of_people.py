@@ -178,7 +178,7 @@ def test_coordinates_tell_the_columns_of_distances(tmp_path: Path) -> None:
 
 
 def test_names_that_one_cell_joins(tmp_path: Path) -> None:
-    (tmp_path / "t.txt").write_text("T7-T5-T6 84.45\nT4-T5-T6 104.11\nT5-T6 77.315\n")
+    (tmp_path / "t.txt").write_text("T7-T5-T6 84.45\nT4-T5-T6 104.11\nT6-T7 77.315\n")
     columns = ("--columns", "t.txt", "from,to,distance", "--columns", "t.txt", "from,at,to,angle")
     assert " ".join(columns) in mor("new", tmp_path / "p.yaml", tmp_path / "t.txt").err
     assert mor("new", tmp_path / "p.yaml", tmp_path / "t.txt", *columns).code == 0

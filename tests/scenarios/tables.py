@@ -318,7 +318,7 @@ def _sheet_rows(text: str) -> str:
         cells = []
         for cell in line.split(";"):
             number = cell.replace(",", ".")
-            is_number = number.replace(".", "").isdigit()
+            is_number = number.removeprefix("-").replace(".", "").isdigit()
             cells.append(f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>')
         rows.append(f"<row>{''.join(cells)}</row>")
     return "".join(rows)
