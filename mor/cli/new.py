@@ -51,7 +51,8 @@ if TYPE_CHECKING:
     metavar="TABLE NAMES",
     type=(str, str),
     multiple=True,
-    help="Names of the columns of a table, instead of its header if it has one: a,b,c; - for one not used.",
+    help="Names of the columns of a table, instead of its header if it has one: a,b,c; - for one not used. "
+    "Again for rows of another length.",
 )
 @force_option
 def command(
