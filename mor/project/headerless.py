@@ -127,29 +127,20 @@ def names_by_coordinates(rows: Cells, places: Places) -> list[str]:
     ends = [k for k in range(min(width, 3)) if all(row[k].strip() in places for row in rows)]
     if len(rows) < 3 or len(ends) != 2 or {len(row) for row in rows} != {width}:
         return []
-    one, other = ([places[row[k].strip()] for row in rows] for k in ends)
-    expected = {"distance": [math.dist(a[:2], b[:2]) for a, b in zip(one, other, strict=True)]}
-    sizes = expected["distance"]
-    if min(len(place) for place in (*one, *other)) > 2:
-        expected = {
-            "horizontal distance": sizes,
-            "distance": [math.dist(a, b) for a, b in zip(one, other, strict=True)],
-            "dz": [b[2] - a[2] for a, b in zip(one, other, strict=True)],
-        }
+    pairs = [tuple(places[row[k].strip()] for k in ends) for row in rows]
+    in_plan = [math.dist(one[:2], other[:2]) for one, other in pairs]
+    expected = {"distance": in_plan}
+    if all(len(place) > 2 for pair in pairs for place in pair):
+        rises = [other[2] - one[2] for one, other in pairs]
+        expected = {"horizontal distance": in_plan, "distance": list(map(math.hypot, in_plan, rises)), "dz": rises}
     names = ["-"] * width
     for k in range(ends[-1] + 1, width):
         texts = [row[k].strip().replace(",", ".") for row in rows]
-        if not all(map(NUMBER.fullmatch, texts)):
-            continue
-        values = list(map(float, texts))
-        off = {
-            name: max(abs(a - b) / size if size else math.inf for a, b, size in zip(values, own, sizes, strict=True))
-            for name, own in expected.items()
-            if name not in names
-        }
-        best = min(off, key=lambda name: off[name], default="")
-        if best and off[best] < _CLOSE:
-            names[k] = best
+        values = list(map(float, texts)) if all(map(NUMBER.fullmatch, texts)) else []
+        for name, sizes in expected.items():
+            off = [abs(value - size) - _CLOSE * far for value, size, far in zip(values, sizes, in_plan, strict=False)]
+            if name not in names and names[k] == "-" and off and max(off) < 0.0:
+                names[k] = name
     if set(names) == {"-"}:
         return []
     names[ends[0]], names[ends[1]] = "from", "to"

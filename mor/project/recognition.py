@@ -605,12 +605,10 @@ def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:
         name = name_and_unit(table.columns.get("distance", ""))[0]
         if table.kind != "distance" or name not in GENERAL_DISTANCES.split("|"):
             continue
-        rows = zip(*map(table.texts, ("from", "to", "distance")), strict=False)
-        read = [(places.get(one, ()), places.get(other, ()), text.replace(",", ".")) for one, other, text in rows]
         ends = [
-            (math.dist(a[:2], b[:2]) - float(text), math.dist(a, b) - float(text))
-            for a, b, text in read
-            if len(a) == len(b) == 3 and NUMBER.fullmatch(text) and math.isfinite(math.dist(a, b))
+            tuple(math.dist(a[:n], b[:n]) - float(text.replace(",", ".")) for n in (2, 3))
+            for one, other, text in zip(*map(table.texts, ("from", "to", "distance")), strict=False)
+            if len(a := places.get(one, ())) == len(b := places.get(other, ())) == 3 and NUMBER.fullmatch(text)
         ]
         plan, slope = (median([abs(pair[k]) for pair in ends] or [0.0]) for k in (0, 1))
         if len(ends) > 2 and 4.0 * plan < slope:

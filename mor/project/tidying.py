@@ -292,6 +292,7 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
         ):
             has_values = True
             continue
+        below = _words(rows[k + 1]) if k + 1 < len(rows) else []
         if (found and not has_values) or len(words) < 2:
             after = _words(rows[k + 1]) if k + 1 < len(rows) else []
             if (
@@ -310,7 +311,6 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
         if found and repeats_header(row, header, header) and titled == is_derived:
             continue
         if found and not is_known:
-            below = _words(rows[k + 1]) if k + 1 < len(rows) else []
             numbers = sum(map(_begins_with_digit, below))
             is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
             is_named = is_apart and (numbers > 1 or columns_that_are_known(row) > 1)
