@@ -237,19 +237,19 @@ def _encoding(content: bytes) -> str:
 
 
 def _is_chinese(content: bytes) -> bool:
-    """Return whether high bytes come in pairs that are common characters, some of them in words without letters."""
+    """Return whether high bytes come in pairs that are common characters, some of them not inside words of letters."""
     try:
         text = content.decode("gb18030")
     except UnicodeDecodeError:
         return False
-    words = re.findall(r"[\u4e00-\u9fff]+", text)
-    pairs = [letter.encode("gb18030") for word in words for letter in word]
+    letters = [letter.encode("gb18030") for letter in text if not letter.isascii()]
+    letters = [letter for letter in letters if not b"\xa1\xa1" <= letter < b"\xaa"]  # signs and full-width letters
     # GB 2312 has its 3755 common characters from B0A1 to D7F9; lower-case Cyrillic and accented letters are above them.
-    common = sum(b"\xb0\xa1" <= pair <= b"\xd7\xf9" and pair[1] > 0xA0 for pair in pairs)
+    common = sum(b"\xb0\xa1" <= pair <= b"\xd7\xf9" and pair[1] > 0xA0 for pair in letters)
     # Capital Cyrillic letters are C0 to DF throughout; two thirds of the bytes of Chinese are not.
-    others = sum(not 0xC0 <= byte <= 0xDF for pair in pairs for byte in pair)
-    is_word = re.search(r"(?<![A-Za-z])[\u4e00-\u9fff]+(?![A-Za-z])", text) is not None
-    return is_word and 5 * common >= 4 * len(pairs) and 5 * others > 2 * len(pairs)
+    others = sum(not 0xC0 <= byte <= 0xDF for pair in letters for byte in pair)
+    is_word = re.search(r"(?<![A-Za-z])[\u4e00-\u9fff]|[\u4e00-\u9fff](?![A-Za-z])", text) is not None
+    return is_word and 5 * common >= 4 * len(letters) and 5 * others > 2 * len(letters)
 
 
 def _is_cyrillic(content: bytes) -> bool:

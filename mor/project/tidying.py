@@ -199,9 +199,10 @@ def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, t
 
     The heading of a column may have a name for each of these rows; or a column says which row is back and which fore.
     """
-    end = next((k for k, row in enumerate(rows) if any(map(_begins_with_digit, row))), 0)
+    is_head = [len(set(_words(row))) > 1 and not any(map(_begins_with_digit, row)) for row in rows]
+    end = next((k for k in range(2, len(rows)) if all(is_head[k - 2 : k]) and not is_head[k]), 0)
     start = end
-    while start and len(set(_words(rows[start - 1]))) > 1:
+    while start and is_head[start - 1]:
         start -= 1
     begins = [k for k in range(end, len(rows)) if cell_at(rows[k], 0)]
     size = begins[1] - begins[0] if len(begins) > 1 else 0

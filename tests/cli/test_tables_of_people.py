@@ -79,7 +79,7 @@ def test_a_form_with_both_faces_of_the_staffs(tmp_path: Path) -> None:
         *("2,T1,1621,1696,后2,1534,6322,-1", ",BM-2,1447,1521,前1,1608,6295,0"),
         *(",,17.4,17.5,后-前,-74,27,", ",,-0.1,-0.3,,,,", "校核,Σ,57.4,57.7,,,,"),
     ]
-    (table,) = recognise(tmp_path / "t.csv", "\n".join(lines))
+    (table,) = recognise(tmp_path / "t.csv", "\n".join(["仪器,DS3,,,,,,", "Form of the line,,,,,,,", *lines]))
     assert table.rows == (
         *(("BM-1", "T1", "833", "80.2"), ("T1", "BM-2", "-74", "34.9")),
         *(("BM-1", "T1", "833", "80.2"), ("T1", "BM-2", "-73", "34.9")),
@@ -115,11 +115,13 @@ def test_a_form_that_is_not_filled_in_has_no_observations(tmp_path: Path) -> Non
     [
         ("序\t起\t终\t ΔX\nP1\n", "gb18030"),
         ("测站,目标,水平角\n一号,二号,0.1\n", "gb18030"),
+        ("点ID,X,Y\n", "gb18030"),
         ("точка,X\nпункт,1\n", "cp1251"),
         ("ПУНКТЫ,ВЫСОТА\nА1,1\n", "cp1251"),
         ("Größe,GRÖßE,Höhe\n", "cp1252"),
         ("Nº;LEITURA RÉ;ÂNGULO\n", "cp1252"),
         ("İstasyon;Bakılan Nokta;Yatay Açı\n", "cp1254"),
+        ("Çıkış\n", "cp1254"),
     ],
 )
 def test_texts_that_are_not_utf_8(text: str, encoding: str) -> None:
