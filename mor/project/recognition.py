@@ -508,7 +508,7 @@ def _by_angles(header: tuple[str, ...], body: Cells, columns: Mapping[str, str])
     plan = columns_of("points in the plane", [one for one in named_columns(header) if one[0] != header[angle]])
     if plan and plan["id"] == header[point]:
         cells = [tuple(cell_at(row, header.index(plan[name])) for name in ("id", "x", "y")) for row in named]
-        found.append((((header[point], plan["x"], plan["y"]), *(row for row in cells if all(row))), ()))
+        found.append((((header[point], "x0", "y0"), *(row for row in cells if all(row))), ()))
     return found
 
 
@@ -595,7 +595,11 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     if not new or any(table.is_control or table.has_sigma or ("x" in table.columns and images) for table in lists):
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
-    return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
+    computed = [t.columns.get("x") == "x0" or bool(DERIVED.search(normalised(t.title))) for t in found]
+    return [
+        t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" and not is_computed else t
+        for t, is_computed in zip(found, computed, strict=True)
+    ]
 
 
 def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:

@@ -208,7 +208,7 @@ def test_computed_columns_of_a_traverse_are_left_out(tmp_path: Path) -> None:
     angle, distance, points = recognise(tmp_path / "t.csv", "\n".join([*lines, "C0,,,,,", "精度,,,,,", "差,-10,x,,,"]))
     assert [row[:3] for row in angle.rows] == [("B", "B0", "J"), ("J", "B", "C"), ("C", "J", "C0")]
     assert distance.rows == (("B", "J", "82.1"), ("J", "C", "77.2"))
-    assert points.texts("id") == ["B", "J", "C"]
+    assert (points.texts("id"), points.is_control) == (["B", "J", "C"], False)
 
 
 def test_sights_of_a_station_that_is_not_named_beside_computed_coordinates(tmp_path: Path) -> None:
