@@ -34,7 +34,14 @@ _PART = 1 << 22
 """Bytes that are unpacked together."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _HIGH = 0x80
-CODE_PAGES = {"cp1251": "Windows, Cyrillic", "cp1252": "Windows, Western European"}
+CODE_PAGES = {
+    "gb18030": "Chinese",
+    "cp1251": "Windows, Cyrillic",
+    "cp1252": "Windows, Western European",
+    "cp1254": "Windows, Turkish",
+}
+_TURKISH, _ACCENTED = set(b"\xd0\xdd\xde\xf0\xfd\xfe"), set(b"\xc1\xc6\xe1\xe6\xed\xf3\xfa")
+"""Letters that cp1254 has in the places of Icelandic ones, and letters of Icelandic that Turkish does not have."""
 
 
 class ReadFile(NamedTuple):
@@ -221,8 +228,28 @@ def _encoding(content: bytes) -> str:
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:
-        return "cp1251" if _is_cyrillic(content) else "cp1252"
+        if _is_chinese(content):
+            return "gb18030"
+        if _is_cyrillic(content):
+            return "cp1251"
+        return "cp1254" if not _TURKISH.isdisjoint(content) and _ACCENTED.isdisjoint(content) else "cp1252"
     return "utf-8"
+
+
+def _is_chinese(content: bytes) -> bool:
+    """Return whether high bytes come in pairs that are common characters, some of them not inside words of letters."""
+    try:
+        text = content.decode("gb18030")
+    except UnicodeDecodeError:
+        return False
+    letters = [letter.encode("gb18030") for letter in text if not letter.isascii()]
+    letters = [letter for letter in letters if not b"\xa1\xa1" <= letter < b"\xaa"]  # signs and full-width letters
+    # GB 2312 has its 3755 common characters from B0A1 to D7F9; lower-case Cyrillic and accented letters are above them.
+    common = sum(b"\xb0\xa1" <= pair <= b"\xd7\xf9" and pair[1] > 0xA0 for pair in letters)
+    # Capital Cyrillic letters are C0 to DF throughout; two thirds of the bytes of Chinese are not.
+    others = sum(not 0xC0 <= byte <= 0xDF for pair in letters for byte in pair)
+    is_word = re.search(r"(?<![A-Za-z])[\u4e00-\u9fff]|[\u4e00-\u9fff](?![A-Za-z])", text) is not None
+    return is_word and 5 * common >= 4 * len(letters) and 5 * others > 2 * len(letters)
 
 
 def _is_cyrillic(content: bytes) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -50,7 +51,8 @@ if TYPE_CHECKING:
     metavar="TABLE NAMES",
     type=(str, str),
     multiple=True,
-    help="Names of the columns of a table, instead of its header if it has one: a,b,c; - for one not used.",
+    help="Names of the columns of a table, instead of its header if it has one: a,b,c; - for one not used. "
+    "Again for rows of another length.",
 )
 @force_option
 def command(
@@ -112,13 +114,13 @@ def command(
     if tables and all(path.suffix.lower() in SUFFIXES for path in tables):
         _begin_from_photographs(project, tables, force)
         return
-    named = dict[Path, tuple[str, ...]]()
+    named = dict[Path, list[tuple[str, ...]]]()
     for given, names in columns:
         meant = [path for path in tables if path == Path(given)] or [path for path in tables if path.name == given]
         if len(meant) != 1:
             raise InputError([Message("this is none of the tables that are given, or several", f"--columns {given}")])
-        named[meant[0]] = tuple(name.strip() for name in names.split(","))
-    found = told_apart(levelled([part for table in tables for part in _recognised(table, named.get(table, ()))]))
+        named.setdefault(meant[0], []).append(tuple(name.strip() for name in names.split(",")))
+    found = told_apart(levelled(_read(tables, named)))
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")
@@ -145,14 +147,44 @@ def command(
     tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
 
 
-def _recognised(table: Path, names: tuple[str, ...]) -> list[Found]:
+def _read(paths: Sequence[Path], named: Mapping[Path, Sequence[Sequence[str]]]) -> list[Found]:
+    """Tables of all files. Coordinates may tell the columns of those without a header."""
+    from mor.project.headerless import HeaderlessError, listed_places, names_by_coordinates
+
+    found: dict[Path, list[Found]] = {}
+    bare: dict[Path, HeaderlessError] = {}
+    for path in paths:
+        try:
+            found[path] = _recognised(path, *named.get(path, ()))
+        except HeaderlessError as error:
+            found[path], bare[path] = [], error
+    listed = {path: listed_places(mistake.rows) for path, mistake in bare.items()}
+    places = {name: place for own in listed.values() for name, place in own.items()}
+    places |= {name: place for tables in found.values() for table in tables for name, place in table.places().items()}
+    told = {path: names_by_coordinates(mistake.rows, places) for path, mistake in bare.items()}
+    used = {cell for path, names in told.items() if names for row in bare[path].rows for cell in row}
+    for path, mistake in bare.items():
+        if not used.isdisjoint(listed[path]):
+            told[path] = ["id", "x", "y", "z"][: len(mistake.rows[0])]
+        if not told[path]:
+            raise mistake
+        words = f"no header: read as {', '.join(told[path])}, as coordinates and distances agree"
+        found[path] = [t._replace(notes=(*t.notes, words)) for t in _recognised(path, told[path])]
+    return [table for tables in found.values() for table in tables]
+
+
+def _recognised(table: Path, *names: Sequence[str]) -> list[Found]:
     from mor.formats import FORMATS, format_of
+    from mor.formats.recognition import explain_unknown
+    from mor.input_files import read_bytes
     from mor.project.recognition import read_tables
 
     try:
-        return read_tables(table, names)
+        return read_tables(table, *names)
     except InputError:
         key = format_of(table)
+        if key is None and read_bytes(table)[:100].lstrip().startswith((b"<", b"\xef\xbb\xbf<")):
+            raise InputError([Message(explain_unknown(table), str(table))]) from None
         if key is None:
             raise
         words = f"this is no table but a file of {FORMATS[key].title}; mor convert or mor adjust reads it"

@@ -21,7 +21,7 @@ SIGHT = {
     "station_height": f"fromheight|{NAMES.from_height}",
     "to_height": NAMES.to_height,
     "set": "set|satz|setid|setno|setnr|round|series|obsset|测回",
-    "face": "face|facenr|faceno|lage|kreislage",
+    "face": "face|facenr|faceno|lage|kreislage|盘位|posicion|posicao|position",
     "epoch": "epoch|epoche",
 }
 
@@ -33,7 +33,9 @@ def _precisions(names: str) -> str:
 
 
 _BETWEEN = {**_HEIGHTS, "sigma": NAMES.standard_deviation, "epoch": "epoch|epoche"}
-_BEARING_DISTANCE = f"{NAMES.plan_distance}|distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
+GENERAL_DISTANCES = "distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
+"""Names of distances that may be horizontal or in space."""
+_BEARING_DISTANCE = f"{NAMES.plan_distance}|{GENERAL_DISTANCES}"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _POINTS = {"x": NAMES.x, "y": NAMES.y, "z": NAMES.z}
 AXES = {"x": "xe", "y": "yn", "z": "zhu"}
@@ -100,21 +102,21 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "angle": (
         {
-            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
-            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
-            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
-            "angle": "angle|ang|winkel|angleright|horizontalangle",
+            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation|测站|测站点",
+            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint|后视|后视点",
+            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint|前视|前视点",
+            "angle": "angle|ang|winkel|angleright|horizontalangle|观测角|角度|角值|转折角|水平角|夹角",
         },
         {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{NAMES.standard_deviation}"},
     ),
     "levelling between points": (
         {
-            "from": f"{NAMES.from_}|bspoint|backpoint|backsightstation",
-            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
-            "back": NAMES.back,
-            "fore": NAMES.fore,
+            "from": f"后视点|后视|{NAMES.from_}|bspoint|backpoint|backsightstation",
+            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint|前视点|前视",
+            "back": _joined(NAMES.back, "", 1),
+            "fore": _joined(NAMES.fore, "", 1),
         },
-        {**STAFF_DISTANCES, "distance": NAMES.length},
+        {**SECOND_READINGS, **STAFF_DISTANCES, "distance": NAMES.length},
     ),
     "levelling": (
         {
@@ -156,10 +158,6 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {},
     ),
-    "traverse": (
-        {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": _BEARING_DISTANCE},
-        {},
-    ),
     "traverse by angles": (
         {
             "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
@@ -169,10 +167,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {},
     ),
+    "traverse": (
+        {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": _BEARING_DISTANCE},
+        {},
+    ),
     "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": f"{NAMES.distance}|s"},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|sderror|{NAMES.standard_deviation}|ms"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist|sd')}|sderror|{NAMES.standard_deviation}|ms"},
     ),
     "height_difference": (
         {
@@ -181,14 +183,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "dz": NAMES.height_difference,
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff|lv')}|calcerr|{NAMES.standard_deviation}",
+            "sigma": f"{_precisions('dz|dh|hdiff|lv|vd')}|calcerr|{NAMES.standard_deviation}",
             "length": f"km|lengthkm|skm|l|s|{NAMES.length}",
             "epoch": "epoch|epoche",
         },
     ),
     "horizontal_distance": (
         {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{NAMES.standard_deviation}"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist|hd')}|{NAMES.standard_deviation}"},
     ),
     "observations by type": (
         {
@@ -204,7 +206,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{NAMES.from_}", "orientation": "orientierung"}, {"point": NAMES.point, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": NAMES.point, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{NAMES.point}|nn|station|target|p", **_POINTS}, _STATED),
+    "points": ({"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", **_POINTS}, _STATED),
     "vector by coordinates": (
         {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
         {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
@@ -215,7 +217,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "images with positions": ({"id": NAMES.image, **_POINTS}, _STATED),
     "points in the plane": (
-        {"id": f"id|{NAMES.point}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        {"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
     ),
     "points with heights": (
@@ -233,6 +235,10 @@ KNOWN_NAMES = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part
 """All names of columns."""
 _ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*|;.*)$", re.IGNORECASE)
 """A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
+_MEASURED = re.compile(
+    "observed |measured |gemessene[rs]? |beobachtete[rs]? |observad[oa] |medid[oa] |实测", re.IGNORECASE
+)
+"""Words before the name of a reading."""
 _WITH_UNIT = re.compile(r"(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|[\s_]in[\s_]([A-Za-zµ]+)|_([A-Za-zµ]+))")
 LINES = ("distance", "horizontal_distance")
 """Kinds of distances: one is computed from the other where a table has both."""
@@ -252,6 +258,19 @@ _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\
 """Readings back and forward that have the signs with which they enter the height."""
 TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
+CONTROL = re.compile(
+    r"(?:gcp|gcps|(?:fix|fixed|known|given|held|(?:ground)?control|kesin|fest|bekannte|gegebene|datum)"
+    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
+    r"|gcp(?:s|id|name|label|no)|idgcp|control|festpunkte?|passpunkte?|(?:已知|控制|起算)\S*"
+    r"|(?:puntos|pontos|cotas|coordenadas)(?:fijos|fixos|decontrole?|con(?:oc|hec)id[oa]s))"
+)
+"""Titles of lists of control points, and headings of their names."""
+DERIVED = re.compile(
+    "adjusted|reduced|corrected|computed|calculated|mean|average|result|ajustad|compensad|corregid|corrigid|calculad"
+    "|reducid|reduzid|promedi|resultad|ausgeglichen|reduziert|gemittelt|mittel|berechnet|verbessert|ergebnis"
+    "|dengelen|duezelt|hesap|ortalama|sonuc|平差|平均|归零|改正|计算|成果|结果"
+)
+"""Words in titles and headings of values that are no readings."""
 _SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
 PLACEHOLDER = re.compile(r"column\d+")
 """Name of a column of a spreadsheet that has none."""
@@ -293,6 +312,11 @@ _UMLAUTS = str.maketrans(
         "σ": "sigma",
     }
 )
+
+
+def is_control(title: str) -> bool:
+    """Return whether words name control points."""
+    return CONTROL.fullmatch(title.strip() if title.strip().startswith("已知") else normalised(title)) is not None
 
 
 def cell_at(row: tuple[str, ...], place: int) -> str:
@@ -410,13 +434,14 @@ def name_and_unit(cell: str) -> tuple[str, str]:
     """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
     if len(cell) > 200:
         return cell, ""
-    match = _WITH_UNIT.fullmatch(cell.strip())
+    match, unit, bare = _WITH_UNIT.fullmatch(cell.strip()), "", cell
     if match:
         word = next(group for group in match.groups()[1:] if group is not None)
-        if unit := WORDS_OF_UNITS.get(word) or WORDS_OF_UNITS.get(word.strip().lower()):
-            return normalised(match[1]), unit
-    first = normalised(_ANOTHER.sub("", cell.strip()))
-    return first if first in KNOWN_NAMES and normalised(cell) not in KNOWN_NAMES else normalised(cell), ""
+        unit = WORDS_OF_UNITS.get(word) or WORDS_OF_UNITS.get(word.strip().lower(), "")
+        bare = match[1] if unit else cell
+    others = (_ANOTHER.sub("", bare.strip()), _MEASURED.sub("", bare.strip()))
+    names = (normalised(bare), *map(normalised, others))
+    return next((name for name in names if name in KNOWN_NAMES), names[0]), unit
 
 
 def normalised(name: str) -> str:
@@ -424,7 +449,7 @@ def normalised(name: str) -> str:
     signed = _SIGNED.fullmatch(name.strip().lower())
     if signed:
         return "back" if signed[1] == "+" else "fore"
-    text = unicodedata.normalize("NFKD", name.strip().lower().translate(_UMLAUTS))
+    text = unicodedata.normalize("NFKD", name.strip().lower().removeprefix("已知").translate(_UMLAUTS))
     return re.sub(r"[\W_]", "", "".join(letter for letter in text if not unicodedata.combining(letter)))
 
 

@@ -29,6 +29,7 @@ from mor.project.column_names import (
 )
 from mor.project.document import LONGEST, guarded
 from mor.project.recognition import Found
+from mor.units import LENGTH_UNITS
 
 _DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
 _CIRCLES = {"gon": 400.0, "deg": 360.0}
@@ -352,6 +353,19 @@ def _units_of_precision(table: Found) -> dict[str, str]:
     return {name: "rad" if is_fine else "arcsec" if is_angle else "mm" for name in stated if name not in table.units}
 
 
+def _kilometres(table: Found) -> dict[str, str]:
+    """Unit of the lengths of levelling lines if in metres one is shorter than its height difference, or all below 5."""
+    if not {"dz", "length"} <= table.columns.keys() or "length" in table.units:
+        return {}
+    metre = LENGTH_UNITS.get(table.units.get("dz", "m"), 1.0)
+    texts = ([cell.replace(",", ".") for cell in table.texts(name)] for name in ("dz", "length"))
+    pairs = [pair for pair in zip(*texts, strict=False) if all(map(NUMBER.fullmatch, pair))]
+    lines = [(abs(float(dz)) * metre, float(far)) for dz, far in pairs]
+    lines = [(dz, far) for dz, far in lines if far > 0.0]
+    is_short = any(dz > far for dz, far in lines) or max((far for _, far in lines), default=5.0) < 5.0
+    return {"length": "km"} if is_short else {}
+
+
 _ON_ONE_LINE: Mapping[str, Any] = {
     "default_flow_style": True,
     "sort_keys": False,
@@ -380,11 +394,11 @@ def _entry(target: Path, table: Found, corner: bool, held: Sequence[str] = (), i
     """
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
     others = [name for name in table.header if name not in table.columns.values()]
-    guessed = _units_of_precision(table)
+    if "km" in normalised(table.columns.get("length", "")):
+        table = table._replace(units={"length": "km", **table.units})
+    guessed = _units_of_precision(table) | _kilometres(table)
     units = {**table.units, **guessed}
     units |= dict.fromkeys((name for name in ANGLES if any(map(_DMS.match, table.texts(name)))), "dms")
-    if "km" in normalised(table.columns.get("length", "")):
-        units.setdefault("length", "km")
     keys: dict[str, Any] = {"sheet": table.sheet} if table.sheet and not table.tidied else {}
     if not table.has_header:
         keys["columns"] = [renamed.get(name, name if name in table.columns else None) for name in table.header]
@@ -406,12 +420,10 @@ def _entry(target: Path, table: Found, corner: bool, held: Sequence[str] = (), i
     if table.header[:4] == OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [f"{line}  # CHECK" if is_held and line.startswith("fixed:") else line for line in lines]
-    lines = [
-        f"{line}  # CHECK: the standard deviations are no usual ones in the unit of the readings"
-        if line.startswith("units:") and guessed
-        else line
-        for line in lines
-    ]
+    if guessed:
+        strange = "lengths" if "length" in guessed else "standard deviations"
+        words = f"  # CHECK: the {strange} are no usual ones in the unit of the readings"
+        lines = [f"{line}{words}" if line.startswith("units:") else line for line in lines]
     return {
         "kind": table.kind,
         "file": Path(os.path.relpath(table.copy(target) if table.tidied else table.path, target.parent)).as_posix(),

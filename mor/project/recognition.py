@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from itertools import combinations, pairwise, product, takewhile, zip_longest
+from itertools import combinations, groupby, pairwise, permutations, product, takewhile, zip_longest
 from pathlib import Path
+from statistics import median
 from typing import NamedTuple
 
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.column_names import (
+    ANGLES,
+    DERIVED,
     EMPTY,
+    GENERAL_DISTANCES,
     KINDS,
     LINES,
     NO_READING,
@@ -30,6 +35,7 @@ from mor.project.column_names import (
     columns_of,
     columns_that_are_known,
     fits_a_table,
+    is_control,
     is_heading,
     kinds_of,
     known_kinds,
@@ -39,20 +45,22 @@ from mor.project.column_names import (
     number_in,
 )
 from mor.project.document import plain
+from mor.project.headerless import headerless, with_names_apart
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.project.tidying import (
     TableRows,
     image_points_of_matrix,
+    plain_header,
     tables_in,
     tell_elevations,
     tidied_rows,
     with_faces,
+    with_faces_apart,
     with_hairs,
     with_image,
     with_sigmas,
     with_station,
     with_targets,
-    with_whole_angles,
     with_whole_readings,
     without_empty_readings,
     without_packed_angles,
@@ -60,16 +68,11 @@ from mor.project.tidying import (
     without_zero_readings,
     without_zeros,
 )
+from mor.units import ANGLE_UNITS
 
 _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
 """What programs write into empty cells; an asterisk is the σ of what is free."""
-_CONTROL = re.compile(
-    r"(?:gcp|gcps|(?:fix|fixed|known|given|held|control|kesin|fest|bekannte|gegebene|datum)"
-    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
-    r"|gcp(?:s|id|name|label|no)|idgcp|festpunkte?|passpunkte?)"
-)
-"""Titles of lists of control points, and headings of their names."""
 _BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, UNITS_OF_NAMES))})[)\]])(?= |$)", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _QUADRANT = re.compile(
@@ -78,7 +81,14 @@ _QUADRANT = re.compile(
     re.IGNORECASE,
 )
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
+_DIGIT = re.compile(r"[-+]?[.,]?\d")
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
+
+
+class _UnknownKindError(InputError):
+    """A table of no known kind; the note is for a sheet that has other tables."""
+
+    note = ""
 
 
 class Found(NamedTuple):
@@ -108,6 +118,8 @@ class Found(NamedTuple):
     """True for points whose coordinates are known: a benchmark, or a list that says so."""
     part: str = ""
     """Kind, if other kinds in the table have readings in other rows."""
+    title: str = ""
+    """Words above the table."""
 
     def copy(self, target: Path) -> Path:
         """Path of a copy of the rows beside the project."""
@@ -126,6 +138,17 @@ class Found(NamedTuple):
         cells = (cell.replace(",", ".") if self.decimal_comma else cell for cell in self.texts(name))
         return [float(cell) for cell in cells if NUMBER.fullmatch(cell) and "," not in cell]
 
+    def places(self) -> dict[str, tuple[float, ...]]:
+        """Coordinates of a list of points by name."""
+        axes = [axis for axis in "xyz" if axis in self.columns] if self.kind == "points" else []
+        cells = (cell.replace(",", ".") for axis in axes for cell in self.texts(axis))
+        values = [float(cell) if NUMBER.fullmatch(cell) else math.nan for cell in cells]
+        return {
+            name: tuple(values[k :: len(self.rows)])
+            for k, name in enumerate(self.texts("id"))
+            if axes[:2] == ["x", "y"]
+        }
+
     @property
     def has_sigma(self) -> bool:
         """True if the table has standard deviations or covariances."""
@@ -137,11 +160,12 @@ class Found(NamedTuple):
         return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
 
 
-def read_tables(path: Path, names: Sequence[str] = ()) -> list[Found]:
+def read_tables(path: Path, *names: Sequence[str]) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
     Of several sheets in a spreadsheet those are returned that hold something known. ``names`` of columns, ``-`` for one
-    that is not used, take the place of a header. Raises :class:`InputError` if the columns are those of no kind.
+    that is not used, take the place of a header; several of them are those of rows of different lengths.
+    Raises :class:`InputError` if the columns are those of no kind.
     """
     sheets = [name for name, rows in read_sheets(path).items() if rows] if is_spreadsheet(path) else []
     if len(sheets) < 2:
@@ -178,16 +202,44 @@ def _with_sheets_apart(tables: list[Found]) -> list[Found]:
     return apart
 
 
-def _recognise(path: Path, sheet: str | None, names: Sequence[str]) -> list[Found]:
-    cells = _cells(path, sheet, len(names))
-    if names:
-        cells = _with_header(path, cells, names)
+def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) -> list[Found]:
+    cells = _cells(path, sheet, set(map(len, names)))
+    apart = () if any(map(is_heading, cells.rows)) else with_names_apart(cells.rows)
+    cells = cells._replace(rows=apart, was_joined=True) if apart and apart != cells.rows else cells
+    if len(names) > 1:
+        parts = [_of_rows(path, _with_header(path, _of_width(cells, len(own)), own)) for own in names]
+        return [t._replace(part=f"{t.kind}_{k}", tidied=True) for k, part in enumerate(parts, 1) for t in part]
+    if not names:
+        return _of_rows(path, cells)
+    headed = _with_header(path, cells, names[0])
+    more = len(headed.rows[0]) - len(names[0])
+    notes = (f"{counted(more, 'column')} behind those that have names not used",) if more > 0 else ()
+    return [table._replace(notes=(*notes, *table.notes)) for table in _of_rows(path, headed)]
+
+
+def _of_width(cells: _File, width: int) -> _File:
+    """The rows that have as many cells as a table, as in files of several tables without headers."""
+    kept = [k for k, row in enumerate(cells.rows) if len(list(filter(None, map(str.strip, row)))) == width]
+    rows = tuple(tuple(map(str.strip, cells.rows[k][:width])) for k in kept)
+    return cells._replace(rows=rows, lines=tuple(cells.lines[k] for k in kept))
+
+
+def _of_rows(path: Path, cells: _File) -> list[Found]:
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
     named = tuple(row if any(map(number_in, row)) else with_hairs(row) for row in blank)
     by_image = image_points_of_matrix(blank)
-    blocks = [TableRows(by_image, cells.lines[:1])] if by_image else tables_in(with_whole_angles(named), cells.lines)
-    found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
+    blocks = [TableRows(by_image, cells.lines[:1])] if by_image else tables_in(named, cells.lines)
+    found, unknown = list[list[Found]](), list[_UnknownKindError]()
+    for block in blocks:
+        try:
+            found.append(_of_block(path, cells, block, len(blocks) > 1))
+        except _UnknownKindError as error:
+            unknown.append(error)
+    if not any(found) and unknown:
+        raise unknown[0]
+    rest = tuple(error.note for error in unknown)
+    found = [[table._replace(notes=(*rest, *table.notes)) for table in tables] for tables in found]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):
         copies.append(table.part)
@@ -217,14 +269,14 @@ def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
 
 def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
-    tidy, stated = tidied_rows(block.rows)
+    tidy, stated = tidied_rows(with_faces_apart(block.rows) if block.rows else ())
+    tidy, alone = with_station(tidy)
     tidy, off = without_switched_off(tidy)
     tidy, wires = with_whole_readings(tidy)
     tidy, packed = without_packed_angles(tidy)
     tidy, held = with_sigmas(without_empty_readings(tidy))
     tidy, zeros = without_zeros(with_targets(with_faces(tidy)))
     tidy, none = without_zero_readings(tidy)
-    tidy, alone = with_station(tidy)
     tidy, single = with_image(tidy)
     is_encoded = cells.encoding in CODE_PAGES
     encoded: tuple[str, ...] = (not_utf8(cells.encoding),) if is_encoded else ()
@@ -235,6 +287,7 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
             tidied=table.tidied or is_encoded or cells.was_joined,
             notes=(*encoded, *notes, *table.notes),
             is_control=table.is_control or _is_control(table, block.title),
+            title=block.title,
             part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
         )
         for rows, notes in parts
@@ -243,8 +296,7 @@ def _of_block(path: Path, cells: _File, block: TableRows, is_one_of_several: boo
 
 
 def _is_control(table: Found, title: str) -> bool:
-    names = (title, table.columns.get("id", ""))
-    return table.kind == "points" and any(_CONTROL.fullmatch(normalised(name)) for name in names)
+    return table.kind == "points" and any(map(is_control, (title, table.columns.get("id", ""))))
 
 
 def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:
@@ -256,17 +308,8 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     if not has_header and len(above) == len(header) and kinds_of(named_columns(above)):
         header = above
     elif not has_header:
-        words = (
-            "expected a header with the names of the columns in the first line, or --columns TABLE NAMES; only a list "
-            "of points (name, x, y, z) may be without"
-        )
-        if has_two_names(rows):
-            words = (
-                "the lines are two names and numbers, like observations of JAG3D; expected a header with the names of "
-                f"the columns in the first line, or --columns {path.name} from,to,distance"
-            )
         if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
-            raise InputError([Message(words, str(path), line)])
+            raise headerless(path, rows, line)
         rows = _padded(rows)
         header = (*OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = named_columns(header)
@@ -293,7 +336,9 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
                 "no line has the names of the columns of a known table: write them above the values, or give them by "
                 f"--columns TABLE NAMES; {known_kinds()}"
             )
-        raise InputError([Message(words, str(path), line)])
+        unknown = _UnknownKindError([Message(words, str(path), line)])
+        unknown.note = f"another table begins below (columns {columns}): {counted(len(rows) - 1, 'row')} not read"
+        raise unknown
     body, nameless = rows[has_header:], 0
     if target := next((columns["to"] for kind, columns in kinds.items() if kind in SIGMAS and "to" in columns), ""):
         place = header.index(target)
@@ -309,10 +354,11 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
         if kind.startswith("points") and len(kinds) == 1:
             used_places = [header.index(cell) for cell in kinds[kind].values()]
             by_content = dict[tuple[str, ...], tuple[str, ...]]()
-            for row in full[kind]:
+            filled = [row for row in full[kind] if any(cell_at(row, k) for k in used_places)]
+            for row in filled:
                 by_content.setdefault(tuple(cell_at(row, k) for k in used_places), row)
-            once = tuple(by_content.values())
-            full[kind], repeated = once, len(full[kind]) - len(once)
+            full[kind] = tuple(by_content.values())
+            repeated = len(filled) - len(by_content)
     bare = sum(row not in kept for row in body)
     notes: tuple[str, ...] = (f"{NO_READING}: {counted(bare, 'row')}",) if bare else ()
     notes += (f"points given twice alike: {counted(repeated, 'row')}",) if repeated else ()
@@ -320,7 +366,7 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     used = {cell for columns in kinds.values() for cell in columns.values()}
     if twice := sorted(cell for cell in used if header.count(cell) > 1):
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
-    if delimiter == " " and has_header:
+    if delimiter == " " and has_header and not any("" in row for row in body):  # in one table as in the file
         _check_width(path, line, header, body, used)
     unused = tuple(cell for cell in header if cell and cell not in used and not PLACEHOLDER.fullmatch(cell))
     short = delimiter == " " and any(len(row) < len(header) for row in body)
@@ -334,7 +380,7 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
             kind.split(" ")[0],
             columns,
             unused,
-            {ours: units[theirs] for ours, theirs in columns.items() if theirs in units},
+            {o: unit for o, theirs in columns.items() if (unit := units.get(theirs)) and _fits_unit(kind, o, unit)},
             delimiter,
             decimal_comma,
             has_header,
@@ -347,6 +393,12 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
         )
         for kind, columns in kinds.items()
     ]
+
+
+def _fits_unit(kind: str, name: str, unit: str) -> bool:
+    """Return False for the unit of a length at an angle or its standard deviation."""
+    is_precision = name.startswith("sigma") and not KINDS[kind][0].keys().isdisjoint(ANGLES)
+    return unit in ANGLE_UNITS or not (name in ANGLES or is_precision)
 
 
 def _parts(rows: Cells, path: Path) -> list[tuple[Cells, tuple[str, ...]]]:
@@ -424,28 +476,40 @@ def _with_both_ends(
 def _by_angles(header: tuple[str, ...], body: Cells, columns: Mapping[str, str]) -> list[tuple[Cells, tuple[str, ...]]]:
     point, angle, distance = (header.index(columns[name]) for name in ("point", "angle", "distance"))
     named = [row for row in body if cell_at(row, point) and not TOTAL.match(cell_at(row, point))]
-    if len(named) > 2 and cell_at(named[-1], point) == cell_at(named[0], point) and not cell_at(named[-1], distance):
+    read = [any(_DIGIT.match(cell_at(row, k)) for k in (angle, distance)) for row in named]
+    first = read.index(True) if True in read else 0
+    last = read.index(False, first) if False in read[first:] else len(read)
+    named = named[max(first - 1, 0) : last + 1]  # a point without readings may begin and end it
+    far = [cell_at(row, distance) for row in named]
+    if not far[min(1, first)] and far[last - max(first - 1, 0) - 1]:  # distances stand beside the point that they reach
+        far = [*far[1:], ""]
+    if len(named) > 2 and cell_at(named[-1], point) == cell_at(named[0], point) and not far[-1]:
         named = named[:-1]
     names = [cell_at(row, point) for row in named]
-    is_closed = len(named) > 2 and bool(cell_at(named[-1], distance))
+    is_closed = len(named) > 2 and bool(far[len(named) - 1])
     around = zip([names[-1], *names], names, [*names[1:], names[0]], named, strict=False) if names else ()
     inner = list(around) if is_closed else list(around)[1:-1]
     angles = [(at, start, end, cell_at(row, angle)) for start, at, end, row in inner if cell_at(row, angle)]
     legs = [
-        (names[k], names[(k + 1) % len(names)], cell_at(row, distance))
-        for k, row in enumerate(named)
-        if cell_at(row, distance) and (is_closed or k + 1 < len(names))
+        (names[k], names[(k + 1) % len(names)], far[k])
+        for k in range(len(names))
+        if far[k] and (is_closed or k + 1 < len(names))
     ]
     words = ["angles of the traverse are taken as clockwise from the point before to the next one"]
     if is_closed:
         words.append(f"each leg leads to the point of the next row, the last one back to {names[0]}")
     length, unit = "horizontal distance", name_and_unit(header[distance])[1]
-    left = len(body) - len(named)
-    words += [f"{NO_READING}: {counted(left, 'row')}"] if left else []
-    return [
+    if left := len(body) - len(named):
+        words.append(f"{NO_READING}: {counted(left, 'row')}")
+    found: list[tuple[Cells, tuple[str, ...]]] = [
         ((("at", "from", "to", "angle"), *angles), tuple(words)),
         ((("from", "to", f"{length} [{unit}]" if unit else length), *legs), ()),
     ]
+    plan = columns_of("points in the plane", [one for one in named_columns(header) if one[0] != header[angle]])
+    if plan and plan["id"] == header[point]:
+        cells = [tuple(cell_at(row, header.index(plan[name])) for name in ("id", "x", "y")) for row in named]
+        found.append((((header[point], "x0", "y0"), *(row for row in cells if all(row))), ()))
+    return found
 
 
 def _ends(leg: str, path: Path) -> tuple[str, str]:
@@ -504,10 +568,10 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
-    of heights alone that lack points that were measured are control. Copies of files of one name get numbers. Raises
-    :class:`InputError` for a list with both.
+    that lack points that were measured are control, except beside images. Copies of files of one name get numbers.
+    Raises :class:`InputError` for a list with both.
     """
-    tables = _with_image_points_apart(_with_names_of_observations(tables))
+    tables = _with_image_points_apart(_with_names_of_observations(_without_derived(tables)))
     paths = dict.fromkeys(table.path for table in tables)
     for k, table in enumerate(tables):
         same = [path for path in paths if path.stem == table.path.stem].index(table.path)
@@ -527,10 +591,65 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
             )
             raise InputError([Message(words, str(path))])
     new = points.difference(*(table.texts("id") for table in lists))
-    if not new or any(table.is_control or table.has_sigma or "x" in table.columns for table in lists):
+    found = _with_horizontal_distances(found)
+    if not new or any(table.is_control or table.has_sigma or ("x" in table.columns and images) for table in lists):
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
-    return [t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" else t for t in found]
+    computed = [t.columns.get("x") == "x0" or bool(DERIVED.search(normalised(t.title))) for t in found]
+    return [
+        t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" and not is_computed else t
+        for t, is_computed in zip(found, computed, strict=True)
+    ]
+
+
+def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables, with distances as horizontal ones if they fit coordinates in plan four times as well."""
+    found, places = list(tables), {name: place for table in tables for name, place in table.places().items()}
+    for k, table in enumerate(tables):
+        name = name_and_unit(table.columns.get("distance", ""))[0]
+        if table.kind != "distance" or name not in GENERAL_DISTANCES.split("|"):
+            continue
+        ends = [
+            tuple(math.dist(a[:n], b[:n]) - float(text.replace(",", ".")) for n in (2, 3))
+            for one, other, text in zip(*map(table.texts, ("from", "to", "distance")), strict=False)
+            if len(a := places.get(one, ())) == len(b := places.get(other, ())) == 3 and NUMBER.fullmatch(text)
+        ]
+        plan, slope = (median([abs(pair[k]) for pair in ends] or [0.0]) for k in (0, 1))
+        if len(ends) > 2 and 4.0 * plan < slope:
+            words = "distances fit the coordinates in plan and not in space: taken as horizontal distances"
+            found[k] = table._replace(kind="horizontal_distance", notes=(*table.notes, words))
+    return found
+
+
+def _without_derived(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables without those whose values are derived from readings in another one, or are the same.
+
+    Titles and headings say that values are adjusted, reduced or means.
+    """
+    found, left, values, derived = (
+        list(tables),
+        set[int](),
+        list[dict[tuple[str, ...], tuple[str, ...]]](),
+        list[bool](),
+    )
+    for table in tables:
+        keys = [name for name in table.columns if name in (*PLACES, "id", "image")]
+        read = [name for name in table.columns if name in KINDS[table.kind][0] and name not in keys]
+        rows = list(zip(*map(table.texts, (*keys, *read)), strict=False))
+        values.append({row[: len(keys)]: row[len(keys) :] for row in reversed(rows)})
+        names = (table.title, table.sheet, table.path.stem, *(table.columns[name] for name in read))
+        derived.append(any(DERIVED.search(normalised(name)) for name in names))
+    for k, j in permutations(range(len(tables)), 2):
+        one, other = tables[k], tables[j]
+        if one.kind != other.kind or {k, j} & left or not values[k].keys() <= values[j].keys() or not values[k]:
+            continue
+        is_same = j < k and len(values[k]) > 2 and all(values[j][key] == value for key, value in values[k].items())
+        if (derived[k] and not derived[j]) or (is_same and one.kind in SIGMAS):
+            left.add(k)
+            name = " ".join(filter(None, (one.path.name, one.sheet, one.title)))
+            words = f"{name} has the same readings: not used once more"
+            found[j] = found[j]._replace(notes=(*found[j].notes, words))
+    return [table for k, table in enumerate(found) if k not in left]
 
 
 def _with_names_of_observations(tables: Sequence[Found]) -> list[Found]:
@@ -622,8 +741,8 @@ class _File(NamedTuple):
     was_joined: bool = False
 
 
-def _cells(path: Path, sheet: str | None, width: int) -> _File:
-    """Rows of a file; ``width``: columns that it is said to have, or 0."""
+def _cells(path: Path, sheet: str | None, widths: Collection[int]) -> _File:
+    """Rows of a file; ``widths``: numbers of columns that its tables are said to have."""
     if is_spreadsheet(path):
         numbers, cells = sheet_rows(path, sheet)
         return _File(",", tuple(map(tuple, cells)), tuple(numbers), (), "")
@@ -635,28 +754,30 @@ def _cells(path: Path, sheet: str | None, width: int) -> _File:
         for k, ln in enumerate(text.split("\n"), start=1)
         if ln.strip() and not ln.startswith(("#", "%")) and not _is_ruler(ln)
     ]
-    is_counted = len(numbered) > 1 and numbered[0][1].strip() == str(len(numbered) - 1)
-    numbered = numbered[is_counted:]  # the first line was the number of rows
     lines = [line for _, line in numbered]
     comments = [line.strip()[1:] for line in takewhile(lambda line: line.startswith(("#", "%")), text.split("\n"))]
-    first = lines[0] if lines else ""
     has_bars = 2 * sum(line.count("|") > 1 for line in lines) > len(lines) and ";" not in text
     if has_bars:
         lines = [line.strip().removeprefix("|").removesuffix("|").replace("|", ";") for line in lines]
-        first = lines[0]
-    likely = max(";\t,", key=first.count)
-    likely = likely if first.count(likely) else " "
-    if width:
+    likely = max(";\t,", key=next((line for line in lines if any(map(line.count, ";\t,"))), "").count)
+    likely = likely if any(likely in line for line in lines) else " "
+    if widths:
         delimiter = next(
-            (sign for sign in ";\t ," if any(len(row) == width for row in _rows(lines[-1:], sign))), likely
+            (sign for sign in ";\t ," if any(len(row) in widths for row in _rows(lines[-1:], sign))), likely
         )
     else:
-        signs = sorted((likely, *";\t,"), key=lambda sign: sign == " ")  # a title has blanks, too
-        fitting = (sign for sign in signs if any(map(fits_a_table, _rows(lines[:TITLES], sign))))
+        signs = sorted((likely, *";\t, "), key=lambda sign: sign == " ")  # a title has blanks, too
+        fitting = (
+            sign for sign in signs if any(fits_a_table(plain_header(row)) for row in _rows(lines[:TITLES], sign))
+        )
         delimiter = next(fitting, likely)
     reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:
         found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if any(map(str.strip, row))]
+        sizes = [str(len(list(run))) for _, run in groupby(len(row) for _, row in found[1:])]
+        counts = list(filter(None, map(str.strip, found[0][1]))) if found else []
+        is_counted = bool(counts) and counts in (sizes, [str(len(found) - 1)])
+        found = found[is_counted:]  # the first line was the number of rows, perhaps of each table
         heads = [
             tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
         ]
@@ -725,12 +846,20 @@ def _padded(rows: Cells) -> Cells:
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers, each name once."""
-    return len({row[0] for row in rows if row}) == len(rows) > 0 and all(
-        len(row) == len(rows[0]) >= 4
-        and row[0].strip()
-        and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
-        and (not row[3].strip() or NUMBER.fullmatch(row[3].strip()))
-        and not any(NUMBER.fullmatch(cell.strip()) for cell in row[4:])
-        for row in rows
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers, each name once.
+
+    A name may be given twice by mistake if the second column has fractions and so no names.
+    """
+    names, is_whole = {row[0] for row in rows if row}, all(row[1].strip().isdecimal() for row in rows if len(row) > 1)
+    return (
+        len(rows) > 0
+        and (len(names) == len(rows) or (2 * len(names) > len(rows) and not is_whole))
+        and all(
+            len(row) == len(rows[0]) >= 4
+            and row[0].strip()
+            and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
+            and (not row[3].strip() or NUMBER.fullmatch(row[3].strip()))
+            and not any(NUMBER.fullmatch(cell.strip()) for cell in row[4:])
+            for row in rows
+        )
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from statistics import median
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from mor.errors import counted
 from mor.project.column_names import (
     ANGLES,
     AXES,
+    DERIVED,
     KINDS,
     KNOWN_NAMES,
     NAMES,
@@ -26,7 +27,10 @@ from mor.project.column_names import (
     Cells,
     cell_at,
     columns_of,
+    columns_that_are_known,
     fits_a_table,
+    is_control,
+    is_heading,
     kinds_of,
     name_and_unit,
     named_columns,
@@ -87,12 +91,41 @@ _ROLES = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new"
 _FACES = {"": "", "1": "1", "2": "2"} | {
     word: face
     for face, words in (
-        ("1", "l|left|fl|faceleft|cl|i|d|direct|links"),
-        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts"),
+        ("1", "l|left|fl|faceleft|cl|i|d|direct|links|direta|directa|directo|pd|cd|左|盘左|кл"),
+        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts|inversa|inverso|pi|ci|右|盘右|кп"),
     )
     for word in words.split("|")
 }
 """Faces of an instrument by their names."""
+_FACE_COLUMNS = [
+    tuple(
+        re.compile(word if word > "z" else rf"(?<![^\W_]){word.replace('_', '[ ._-]*')}(?![^\W_])", re.IGNORECASE)
+        for word in pair.split("/")
+    )
+    for pair in (
+        *(
+            "盘左/盘右",
+            "face_left/face_right",
+            "circle_left/circle_right",
+            "kreis_links/kreis_rechts",
+            "fl/fr",
+            "cl/cr",
+        ),
+        *("lage_i/lage_ii", "lage_1/lage_2", "face_i/face_ii", "face_1/face_2", "f1/f2", "pd/pi", "cd/ci", "cg/cd"),
+        *("кл/кп", "direct/reverse", "direct[ao]/invers[ao]", "diret[ao]/invers[ao]", "left/right", "l/r", "i/ii"),
+    )
+]
+"""Words for the first and second face in headings of columns."""
+
+
+_NUMBERED_SIDE = re.compile(r"(?:[后後](?![视视]?[-—–~一]?前)|前)[视尺]?")
+"""Side of a staff in a row of a Chinese form, before its number or the name of its point; not of their difference."""
+_HAS_LETTER = re.compile(r"[^\W\d_].*\w|\w.*[^\W\d_]")
+_HAS_DIGIT = re.compile(r"\d")
+_DOTTED = re.compile(r"([-+]?\d{1,3})\.(\d{1,2})\.(\d{1,2}(?:\.\d*)?)")
+"""Degrees, minutes and seconds between points."""
+_ENDS_OF_FORM = re.compile(r"\s*(?:[-–—~～→至|]|\n)+\s*")
+"""Signs between both points of a set-up."""
 
 
 class TableRows(NamedTuple):
@@ -130,61 +163,298 @@ def _without_index(rows: Cells) -> Cells:
 
 
 def tables_in(rows: Cells, lines: tuple[int, ...]) -> list[TableRows]:
-    """Return tables beside each other, each with its header in the first row."""
-    start = next((k for k, row in enumerate(rows[:TITLES]) if fits_a_table(row)), None)
-    if start is None:
-        return [TableRows(_without_index(rows), lines)]
+    """Return the tables of a sheet, below and beside each other, each with its header in the first row.
+
+    A header has no numbers, but rows with numbers below it. A table ends where another header follows.
+    """
+    rows, lines = _with_headers_of_points(*_with_set_ups_in_rows(rows, lines))
+    starts = _headers(rows, lines)
+    if not starts:
+        start = next((k for k, row in enumerate(rows) if len(_words(row)) > 1), 0)  # below titles
+        return [TableRows(_without_index(with_whole_angles(rows[start:])), lines[start:])]
+    found, rest = list[TableRows](), list[str]()
+    unread = sum(any(map(NUMBER.fullmatch, map(str.strip, row[1:]))) for row in rows[: starts[0]])
+    if unread:
+        rest.append(f"rows with numbers stand above the header: {counted(unread, 'row')} not read")
+    ends = [_end(rows, lines, start, after) for start, after in pairwise([*starts, len(rows)])]
+    for start, end in zip(starts, ends, strict=True):
+        above = rows[start - 1] if start else ()
+        title = "" if any(map(_begins_with_digit, _words(above))) else " ".join(_words(above))
+        table = with_whole_angles(_with_whole_header(rows[start:end]))
+        if not any(map(_begins_with_digit, chain(*table[1:]))):  # a form that is not filled in
+            table = table[:1]
+        own_lines = (lines[start], *lines[end - len(table) + 1 : end])
+        is_again = any(_repeats(table, one.rows) for one in found)
+        beside = [] if is_again else _beside_each_other(table, own_lines, above, title)
+        if beside or not found:
+            found += beside
+        else:
+            names, count = ", ".join(_words(table[0])), counted(len(table) - 1, "row")
+            rest.append(f"another table begins below (columns {names}): {count} not read")
+    return [block._replace(notes=(*rest, *block.notes)) for block in found]
+
+
+def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...]]:
+    """Rows and lines of a levelling form that has several rows for each set-up, with one row for each of them.
+
+    The heading of a column may have a name for each of these rows; or a column says which row is back and which fore.
+    """
+    is_head = [len(set(_words(row))) > 1 and not any(map(_begins_with_digit, row)) for row in rows]
+    end = next((k for k in range(2, len(rows)) if all(is_head[k - 2 : k]) and not is_head[k]), 0)
+    start = end
+    while start and is_head[start - 1]:
+        start -= 1
+    begins = [k for k in range(end, len(rows)) if cell_at(rows[k], 0)]
+    size = begins[1] - begins[0] if len(begins) > 1 else 0
+    if not (2 <= size <= 6 and end - start > 1):
+        return rows, lines
+    apart = [after - one for one, after in pairwise([*begins, len(rows)])]
+    last = next((k + (far > size) for k, far in enumerate(apart[:-1]) if far != size), len(begins))
+    width = max(map(len, rows[start:]))
+    forms = [[[cell_at(row, j) for j in range(width)] for row in rows[k : k + size]] for k in begins[:last]]
+    heads = [[cell_at(row, j) for j in range(width)] for row in rows[max(start, end - size) : end]]
+    heads += [[""] * width for _ in range(size - len(heads))]
+    names = [
+        "" if any(head[j] == above[j] for above in heads[:i]) else head[j]
+        for i, head in enumerate(heads)
+        for j in range(width)
+    ]
+    whole = [list(chain(*form)) for form in forms if len(form) == size]
+    found: list[tuple[str, ...]] = [tuple(names), *map(tuple, whole)]
+    if columns_of("levelling between points", named_columns(names)) is None:
+        found = _by_sides(names, whole, width)
+    if not found:
+        return rows, lines
+    checks = begins[last - 1] + size  # rows up to the next table
+    rest = next((checks + k for k in _headers(rows[checks:], lines[checks:])), len(rows))
+    own = (lines[start], *(lines[k] for k in begins[: len(whole)]))
+    return (*rows[:start], *found, *rows[rest:]), (*lines[:start], *own, *lines[rest:])
+
+
+def _with_headers_of_points(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...]]:
+    """Rows and lines with a header between a title such as "known points" and names with one to three coordinates."""
+    found, numbers = list[tuple[str, ...]](), list[int]()
+    for row, below, line in zip(rows, (*rows[1:], ()), lines, strict=False):
+        found.append(row)
+        numbers.append(line)
+        cells = _words(below)
+        is_listed = 1 < len(cells) < 5 and all(map(NUMBER.fullmatch, cells[1:]))
+        if is_listed and len(words := _words(row)) < 4 and is_control("".join(words)):
+            found.append(("id", "x", "y", "z")[: len(cells)] if cells[2:] else ("id", "z"))
+            numbers.append(line)
+    return tuple(found), tuple(numbers)
+
+
+def _by_sides(names: Sequence[str], forms: list[list[str]], width: int) -> list[tuple[str, ...]]:
+    """Rows of set-ups whose forms say in a column which row is back and which fore; empty for others."""
+    sides = [[_side(cell) for cell in form] for form in forms]
+    place = next((k for k in range(len(names)) if all(one[k] == "back" for one in sides)), -1)
+    other = next((k for k in range(place + width, len(names), width) if all(one[k] == "fore" for one in sides)), -1)
+    if place < 0 or other < 0 or place % width == width - 1:
+        return []
+    of_points = [k % width for k, name in enumerate(names) if normalised(name) in NAMES.point.split("|")]
+    ends = list[list[str]]()
+    for form in forms:
+        own = [_NUMBERED_SIDE.sub("", form[k]).strip() for k in (place, other)]
+        named = [cell for j in of_points for cell in form[j::width] if cell]
+        parts = [part for cell in (*named, form[0]) for part in _ENDS_OF_FORM.split(cell) if part]
+        ends.append(own if all(map(_HAS_LETTER.search, own)) else named[:2] if len(named) > 1 else parts[:2])
+    if any(len(both) < 2 or both[0] == both[1] for both in ends):
+        return []
+    columns = {"from": [one for one, _ in ends], "to": [end for _, end in ends]}
+    read = {side: [form[k + 1] for form in forms] for side, k in (("back", place), ("fore", other))}
+    for side, k in (("back", place), ("fore", other)) if place % width + 2 < width else ():
+        pairs = [(number_in(form[k + 1]) or 0.0, number_in(form[k + 2]) or 0.0) for form in forms]
+        unit = 1.0 if max(black for black, _ in pairs) > 10.0 else 0.001
+        zeros = [min((4687.0, 4787.0), key=lambda mm: abs(red - black - mm * unit)) * unit for black, red in pairs]
+        # A red face begins at 4687 or 4787 mm; readings of one staff on both faces agree within a centimetre.
+        if all(abs(red - black - zero) < 10.0 * unit for (black, red), zero in zip(pairs, zeros, strict=True)):
+            read[f"{side}2"] = [f"{red - zero:.9g}" for (_, red), zero in zip(pairs, zeros, strict=True)]
+    for ours, others in (("back_distance", NAMES.back_distance), ("fore_distance", NAMES.fore_distance)):
+        if far := [k for k, name in enumerate(names) if name_and_unit(name)[0] in others.split("|")]:
+            read[ours] = [form[far[0]] for form in forms]
+    columns |= read
+    return [tuple(columns), *zip(*columns.values(), strict=True)]
+
+
+def _side(cell: str) -> str:
+    word = _NUMBERED_SIDE.match(cell.strip())
+    return {"前": "fore"}.get(word[0][0], "back") if word else ""
+
+
+def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
+    """Rows that begin tables: the first with the names of a known one, and those of other tables below."""
+    found, has_values, is_derived = list[int](), False, False
+    header: tuple[str, ...] = ()
+    for k, row in enumerate(rows):
+        words = _words(row)
+        if any(map(_begins_with_digit, words)) and (
+            found or k >= TITLES or not (is_heading(row) and fits_a_table(row))
+        ):
+            has_values = True
+            continue
+        below = _words(rows[k + 1]) if k + 1 < len(rows) else []
+        if (found and not has_values) or len(words) < 2:
+            after = _words(rows[k + 1]) if k + 1 < len(rows) else []
+            if (
+                has_values
+                and header[:1] == ("id",)
+                and len(words) == 1
+                and after[2:]
+                and not NUMBER.fullmatch(after[1])
+            ):
+                found.append(k + 1)  # a list of known points without a header ends
+                has_values, header = False, ("",)
+            continue
+        whole = _with_whole_header(rows[k : k + 3])
+        is_known = fits_a_table(plain_header(whole[0]))
+        titled = bool(k) and bool(DERIVED.search(normalised("".join(rows[k - 1]))))
+        if found and repeats_header(row, header, header) and titled == is_derived:
+            continue
+        if found and not is_known:
+            numbers = sum(map(_begins_with_digit, below))
+            is_apart = lines[k] > lines[k - 1] + 1 or len(_words(rows[k - 1])) == 1
+            is_named = is_apart and (numbers > 1 or columns_that_are_known(row) > 1)
+            begins_alike = normalised(cell_at(row, 0)) == normalised(header[0]) != ""
+            is_known = len(below) - 1 <= len(words) > 2 and numbers > 0 and (is_named or begins_alike)
+        if is_known:
+            found.append(k)
+            has_values, header, is_derived = False, tuple(cell.strip() for cell in row), titled
+    return found
+
+
+def _end(rows: Cells, lines: tuple[int, ...], start: int, after: int) -> int:
+    """End of a table: titles and rows of a name and a value above the next header do not belong to it."""
+    if after == len(rows):
+        return after
+    gaps = [k for k in range(start + 1, after + 1) if lines[k] > lines[k - 1] + 1]
+    if gaps and all(len(_words(row)) < 3 for row in rows[gaps[-1] : after]):
+        after = gaps[-1]
+    while after - 1 > start and len(above := _words(rows[after - 1])) == 1 and not _begins_with_digit(above[0]):
+        after -= 1
+    return after
+
+
+def _with_whole_header(rows: Cells) -> Cells:
+    """Rows with one header: rows of subheadings are joined to the first as long as they name columns that are known."""
+    header, found = tuple(cell.strip() for cell in rows[0]), rows
+    for k in range(1, min(len(rows), 3)):
+        header = _with_subheadings(header, rows[k])
+        if not header:
+            break
+        if _columns_read(plain_header(header)) >= max(_columns_read(plain_header(found[0])), 1):
+            found = (header, *rows[k + 1 :])
+    return found
+
+
+def _columns_read(header: tuple[str, ...]) -> int:
+    """Return how many columns the kinds of tables that a header fits read; 0 if it fits none."""
+    named = named_columns([cell.strip() for cell in header])
+    kinds = kinds_of(named) or kinds_of([*named, ("", "station", "")])
+    return len({cell for columns in kinds.values() for cell in columns.values() if cell})
+
+
+def plain_header(header: Sequence[str]) -> tuple[str, ...]:
+    """Return a header as it becomes with parts of angles in one column, and faces in rows."""
+    return with_faces_apart(with_whole_angles((tuple(header),)))[0]
+
+
+def _pairs_of_faces(header: Sequence[str]) -> list[tuple[int, int, str]]:
+    """Columns of one reading in the first and in the second face, and the name of the reading."""
+    for first, second in _FACE_COLUMNS:
+        ends = {normalised(second.sub(" ", cell)): k for k, cell in enumerate(header) if second.search(cell)}
+        names = {k: first.sub(" ", cell).strip() for k, cell in enumerate(header) if first.search(cell)}
+        if found := [(k, ends[normalised(name)], name) for k, name in names.items() if normalised(name) in ends]:
+            known = KNOWN_NAMES - {""}
+            return [(k, j, name if name_and_unit(name)[0] in known else "horizontal") for k, j, name in found]
+    return []
+
+
+def with_faces_apart(rows: Cells) -> Cells:
+    """Rows of sights with the readings in both faces below each other, if they stand in columns beside each other."""
+    header = [cell.strip() for cell in rows[0]]
+    pairs = _pairs_of_faces(header)
+    for k, j, name in pairs:
+        header[k], header[j] = name, ""
+    columns = next(iter(kinds_of(named_columns([*header, "face"])).values()), {}) if pairs else {}
+    if "face" not in columns or "face" in header:
+        return rows
+    shared = [k for k, cell in enumerate(header) if cell in [columns.get(name) for name in (*PLACES, *SIGHT)]]
+    found = [(*header, "face")]
+    for row in rows[1:]:
+        cells = [cell_at(row, k) for k in range(len(header))]
+        second = [cell if k in shared else "" for k, cell in enumerate(cells)]
+        for k, j, _ in pairs:
+            second[k], cells[j] = cells[j], ""
+        found.append((*cells, "1"))
+        if any(second[k] for k, *_ in pairs):
+            found.append((*second, "2"))
+    return tuple(found)
+
+
+def _repeats(rows: Cells, earlier: Cells) -> bool:
+    """Return whether all rows of a table stand in an earlier one with columns of the same names, as its computation."""
+    places = [{normalised(cell): k for k, cell in enumerate(one[0]) if _words([cell])} for one in (rows, earlier)]
+    shared = [name for name in places[0] if name in places[1]]
+    one, other = (
+        [tuple(cell_at(row, own[name]) for name in shared) for row in table[1:]]
+        for own, table in zip(places, (rows, earlier), strict=True)
+    )
+    return len(shared) > 2 and len(one) > 1 and set(one) <= set(other)
+
+
+def _words(row: Sequence[str]) -> list[str]:
+    return [cell for cell in map(str.strip, row) if cell and not PLACEHOLDER.fullmatch(cell)]
+
+
+def _begins_with_digit(cell: str) -> bool:
+    return cell.lstrip("+-−.,")[:1].isdigit()
+
+
+def _beside_each_other(rows: Cells, lines: tuple[int, ...], above: tuple[str, ...], title: str) -> list[TableRows]:
+    """Return tables beside each other; ``above``: the row above their headers."""
     found, rest, kinds = list[TableRows](), list[str](), set[str]()
-    above_it = sum(sum(bool(NUMBER.fullmatch(cell.strip())) for cell in row) > 1 for row in rows[:start])
-    if above_it:
-        rest.append(f"rows with numbers stand above the header: {counted(above_it, 'row')} not read")
-    for one, end in _side_by_side(rows, start):
-        cut = [tuple(cell_at(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
+    for one, end in _side_by_side(rows, above):
+        cut = [tuple(cell_at(row, k) for k in range(one, end)) for row in rows] if end else rows
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
         table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
         kind = next(iter(kinds_of(named_columns(names))), "") if end else "alone"
+        if end == 0 and not fits_a_table(plain_header(names)):
+            continue
         if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
             kinds.add(kind)
-            above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
-            title = next((cell for cell in above if cell and not PLACEHOLDER.fullmatch(cell)), "")
-            found.append(TableRows(*_first_table(table, tuple(lines[start + k] for k in kept)), title))
-        elif named := [cell for cell in names if cell and not PLACEHOLDER.fullmatch(cell)]:
+            own = next(iter(_words(above[one:end])), "") if end else title
+            found.append(TableRows(*_first_table(table, tuple(lines[k] for k in kept)), own))
+        elif named := _words(names):
             count = counted(len(table) - 1, "row")
             rest.append(f"another table stands beside it (columns {', '.join(named)}): {count} not read")
     return [block._replace(notes=(*block.notes, *rest)) for block in found]
 
 
-def _side_by_side(rows: Cells, start: int) -> list[tuple[int, int]]:
+def _side_by_side(rows: Cells, above: tuple[str, ...]) -> list[tuple[int, int]]:
     """Columns of tables beside each other: one is named twice, and empty ones or titles above part them; or (0, 0)."""
-    header = [cell.strip() for cell in rows[start]]
+    header = [cell.strip() for cell in rows[0]]
     header = ["" if PLACEHOLDER.fullmatch(cell) else cell for cell in header]
     named = [cell for cell in header if cell]
     if len(set(named)) == len(named):
         return [(0, 0)]
-    above = [cell.strip() for cell in rows[start - 1]] if start else []
-    titled = [k for k, cell in enumerate(above[: len(header)]) if cell and not PLACEHOLDER.fullmatch(cell)]
-    empty = [k for k, cell in enumerate(header) if not cell and not any(cell_at(row, k) for row in rows[start + 1 :])]
+    titled = [k for k, cell in enumerate(above[: len(header)]) if _words([cell])]
+    empty = [k for k, cell in enumerate(header) if not cell and not any(cell_at(row, k) for row in rows[1:])]
     edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
     found = list(pairwise(edges))
     return found if sum(bool(kinds_of(named_columns(header[one:end]))) for one, end in found) > 1 else [(0, 0)]
 
 
 def _first_table(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...], tuple[str, ...]]:
-    """Rows up to the heading of another table, each column once, angles in one column; lines, and notes on the rest."""
+    """Rows without headers below, each column once, angles in one column; lines, and notes on the rest."""
     header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
     kinds = kinds_of(named_columns(header))
     used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
     again = [k for k, row in enumerate(body) if repeats_header(row, header, used)]
-    bare = [k for k, row in enumerate(body) if not any(NUMBER.fullmatch(cell.strip()) for cell in row)]
-    # A row of headings that begins like the header is that of another table, even of one that is not known. One right
-    # below the header has subheadings.
-    others = [k for k in bare if k and k not in again and (fits_a_table(body[k]) or _begins_alike(body[k], header))]
-    if others:
-        names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
-        notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
-        body, lines = body[: others[0]], lines[: others[0] + 1]
     if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
+    if {len(row) for row in body} == {len(list(filter(None, header)))}:  # headings several tabs apart
+        header = tuple(filter(None, header))
     header, *body_rows = _without_index((header, *body))
     header, body = _with_joined_parts(header, tuple(body_rows))
     if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
@@ -192,11 +462,6 @@ def _first_table(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int,
         keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
         header, body = tuple(header[k] for k in keep), tuple(tuple(cell_at(row, k) for k in keep) for row in body)
     return (header, *body), lines, tuple(notes)
-
-
-def _begins_alike(row: tuple[str, ...], header: tuple[str, ...]) -> bool:
-    first, other = normalised(cell_at(header, 0)), normalised(cell_at(row, 0))
-    return first == other != "" and sum(bool(cell.strip()) for cell in row) > 2
 
 
 def repeats_header(row: tuple[str, ...], header: Sequence[str], used: Collection[str]) -> bool:
@@ -223,16 +488,14 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     if not rows or not fits_a_table(rows[0]):
         return rows, {}
     header, body = tuple(cell.strip() for cell in rows[0]), rows[1:]
-    merged = _with_subheadings(header, body[0]) if body else ()
-    is_merged = bool(merged) and fits_a_table(merged)
-    if is_merged:
-        header, body = merged, body[1:]
     units = [cell.strip(" []()") for cell in body[0]] if body else []
     stated = {}
     known = [WORDS_OF_UNITS.get(unit) or WORDS_OF_UNITS.get(unit.lower(), "") for unit in units]
     if any(units) and all(word for word, unit in zip(known, units, strict=True) if unit not in ("", "-")):
         stated = {cell: unit for cell, unit in zip(header, known, strict=False) if unit}
         body = body[1:]
+    elif body and len(_words(body[0])) > 2 and not any(map(_HAS_DIGIT.search, body[0])):
+        rows, body = (header, *body[1:]), body[1:]  # abbreviations of the headings
     named = named_columns(header)
     if not kinds_of(named):
         return _with_stations(header, body) or rows, stated
@@ -240,7 +503,7 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     places = [header.index(columns[name]) for name in _STATION if name in columns]
     body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
-    if not is_merged and not stated and not any(empty[1:]):
+    if not stated and not any(empty[1:]):
         return rows, {}
     filled: list[tuple[str, ...]] = []
     if any(empty) and "set" in KINDS[next(iter(kinds_of(named)))][1]:
@@ -300,9 +563,11 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         group = cell if is_own else group
         divided |= bool(part) and not is_own
         # A name of its own that no other group has needs none, as the height behind the readings of a book.
-        # Headings of up to three letters such as D, M, S and sec say nothing without the one above them.
-        is_alone = not is_own and name in KNOWN_NAMES and len(name) > 3 and parts.count(name) == 1
-        names.append((part.strip() if is_alone else f"{group} {part.strip()}") if part.strip() else cell)
+        # Headings of up to three Latin letters such as D, M, S and sec say nothing without the one above them.
+        is_alone = name in KNOWN_NAMES and len(part.strip().encode()) > 3 and parts.count(name) == 1
+        is_alone &= not is_own or name_and_unit(cell)[0] not in KNOWN_NAMES
+        part = "" if part.strip() == cell else part.strip()
+        names.append((part if is_alone else f"{group} {part}") if part else cell)
     return with_hairs(names) if divided else ()
 
 
@@ -373,7 +638,8 @@ def with_whole_angles(rows: Cells) -> Cells:
             if None in found or len(before) > 1:
                 continue
             cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
-            name = before.pop()
+            bare = before.pop()
+            name = next(row[j][:k].strip() for k in range(len(row[j]) + 1) if _bare_name(row[j][:k]) == bare)
             if not name and len(names[j]) == 1 and names[j].isalpha() and not all(map(_is_sexagesimal, cells)):
                 continue
             if not name:
@@ -398,6 +664,9 @@ def without_packed_angles(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
         cell for columns in kinds_of(named_columns(header)).values() for name, cell in columns.items() if name in ANGLES
     }
     for k in (k for k, cell in enumerate(header) if cell in places):
+        if any(_DOTTED.fullmatch(cell_at(row, k)) for row in body):
+            rows = _replaced(rows, k, header[k], [_DOTTED.sub(r"\1-\2-\3", cell_at(row, k)) for row in body])
+            body = rows[1:]
         cells = [_PACKED.fullmatch(cell_at(row, k).replace(",", ".")) for row in body]
         digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
         long = {text for text in digits if len(text.rstrip("0")) > 2}
@@ -511,7 +780,10 @@ def with_faces(rows: Cells) -> Cells:
     for k, name in enumerate(map(normalised, header)):
         cells = [normalised(cell_at(row, k)) for row in body]
         if name in SIGHT["face"].split("|") and any(cells) and set(cells) <= _FACES.keys():
-            rows = _replaced(rows, k, header[k], [_FACES[cell] for cell in cells])
+            faces = [_FACES[cell] for cell in cells]
+            for below in range(1, len(faces) if faces[0] else 0):
+                faces[below] = faces[below] or faces[below - 1]
+            rows = _replaced(rows, k, header[k], faces)
     return rows
 
 
@@ -534,7 +806,9 @@ def with_targets(rows: Cells) -> Cells:
 def with_station(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     """Rows of directions with a column for their station if there is none, as for one set-up; and a note on it."""
     named = named_columns([cell.strip() for cell in rows[0]]) if rows else []
-    if not named or kinds_of(named) or columns_of("directions", [("station", "station", ""), *named]) is None:
+    kinds, with_one = kinds_of(named), [("station", "station", ""), *named]
+    is_listed = all(kind.startswith("points") for kind in kinds)  # coordinates that were computed from the sights
+    if not named or not is_listed or columns_of("zenith_directions" if kinds else "directions", with_one) is None:
         return rows, ()
     below = (("station", *row) for row in rows[1:])
     return (("station", *rows[0]), *below), ("no column names the station of the readings: it is called 'station'",)

@@ -2,8 +2,10 @@
 
 Each is a survey with known coordinates: levelling, sights of total stations, plane networks, GNSS vectors. Names of
 columns are drawn from the known ones of all languages, and so are order, separators, decimal signs, units, rows of
-units, titles, empty rows, stations in the first row of a set-up only, remarks, and the kind of file. What counts is
-whether ``mor new`` and ``mor adjust`` end at the known coordinates.
+units, titles, empty rows, stations in the first row of a set-up only, remarks, and the kind of file. Both tables may
+stand below each other in one file, with parameters above them and derived values below. Readings in both faces may
+stand beside each other, levelling forms have several rows for each set-up, and some tables have no header at all. What
+counts is whether ``mor new`` and ``mor adjust`` end at the known coordinates.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import tempfile
 import zipfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -212,6 +215,52 @@ def vectors(world: World) -> Tables:
     }
 
 
+FACES = (("盘左", "盘右"), ("Lage I", "Lage II"), ("FL", "FR"), ("PD", "PI"), ("Face 1", "Face 2"), ("left", "right"))
+"""Headings of readings in the first and second face."""
+
+
+def faces_beside(world: World) -> Tables:
+    """Sights with the readings in both faces in columns beside each other, and means behind them."""
+    found, words = list[Column](), FACES[int(world.random.integers(len(FACES)))]
+    for column in sights(world)["observed"]:
+        if column.meaning not in ("horizontal", "zenith"):
+            found.append(column)
+            continue
+        full = CIRCLES[column.unit]
+        first = [float(value) for value in column.values]
+        turned = [(v + full / 2) % full if column.meaning == "horizontal" else full - v for v in first]
+        name = str(world.random.choice(_alone(column.names)))
+        second = [f"{value:.5f}" for value in turned]
+        found.append(Column(column.meaning, f"{name} {words[0]}", column.values, column.unit))
+        found.append(Column("second", f"{name} {words[1]}", second, column.unit))
+        found.append(Column("mean", f"mean {name}", column.values, column.unit))
+    return {"observed": found, "control": world.control("xyz", 3)}
+
+
+def set_ups(world: World) -> Tables:
+    """Height differences that a staff of 3 m reaches."""
+    world.places[:, 2] = np.round(50 + 0.05 * (world.places[:, 2] - 50), 4)
+    return levelling(world)
+
+
+def bare(world: World) -> Tables:
+    """Distances and coordinates of all points without a header."""
+    lines = list(combinations(range(len(world.ids)), 2))
+    ends = [[world.ids[pair[k]] for pair in lines] for k in (0, 1)]
+    sizes = [math.dist(world.places[a, :2], world.places[b, :2]) for a, b in lines]
+    return {
+        "observed": [
+            Column("from", "", ends[0]),
+            Column("to", "", ends[1]),
+            Column("distance", "", [f"{value:.4f}" for value in sizes]),
+        ],
+        "control": [
+            Column("id", "", world.ids),
+            *(Column(axis, "", [f"{value:.4f}" for value in world.places[:, k]]) for k, axis in enumerate("xy")),
+        ],
+    }
+
+
 SURVEYS: dict[str, tuple[Callable[[World], Tables], str]] = {
     "levelling": (levelling, "z"),
     "sights": (sights, "xyz"),
@@ -219,6 +268,9 @@ SURVEYS: dict[str, tuple[Callable[[World], Tables], str]] = {
     "book": (book, "z"),
     "plane": (plane, "xy"),
     "vectors": (vectors, "xyz"),
+    "faces beside each other": (faces_beside, "xyz"),
+    "form": (set_ups, "z"),
+    "bare": (bare, "xy"),
 }
 """Surveys, and the coordinates that they determine."""
 
@@ -266,20 +318,49 @@ def _sheet_rows(text: str) -> str:
         cells = []
         for cell in line.split(";"):
             number = cell.replace(",", ".")
-            is_number = number.replace(".", "").isdigit()
+            is_number = number.removeprefix("-").replace(".", "").isdigit()
             cells.append(f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>')
         rows.append(f"<row>{''.join(cells)}</row>")
     return "".join(rows)
 
 
-def _named(world: World, columns: Sequence[Column]) -> dict[str, Column]:
-    """Columns by drawn names that mean nothing else, unlike ``h`` for a height or a horizontal circle."""
+def _alone(names: str) -> list[str]:
+    """Names that mean nothing else, unlike ``h`` for a height or a horizontal circle."""
     elsewhere = Counter(name for words in _LISTS.values() for name in words.split("|"))
+    return [name for name in names.split("|") if elsewhere[name] <= 1 and len(name) > 1]
+
+
+def _named(world: World, columns: Sequence[Column], is_chinese: bool) -> dict[str, Column]:
+    """Columns by drawn names, Chinese ones where there are some if the others are."""
     found = dict[str, Column]()
     for column in columns:
-        alone = [name for name in column.names.split("|") if elsewhere[name] <= 1 and len(name) > 1]
+        alone = _alone(column.names)
+        if is_chinese:
+            alone = [name for name in alone if not name.isascii() and name > "一"] or list(filter(str.isascii, alone))
         found[str(world.random.choice([name for name in alone if name not in found]))] = column
     return found
+
+
+def form(world: World, columns: Sequence[Column]) -> list[list[str]]:
+    """A levelling form with four rows for each set-up: upper and lower hair, both faces of both staffs."""
+    names, ends = (
+        ("测站", "点号", "后尺上丝", "前尺上丝", "方向及尺号", "标尺读数", "", "K+黑-红"),
+        ("后视距", "前视距"),
+    )
+    rows = [list(names), ["", "", "后尺下丝", "前尺下丝", "", "黑面", "红面", ""], ["", "", *ends, *[""] * 4]]
+    rows.append(["", "", "视距差", "累积差", *[""] * 4])
+    zeros = [4687, 4787]
+    for number, (one, other, rise) in enumerate(zip(*(column.values for column in columns), strict=True), start=1):
+        fore = int(world.random.integers(400, 2500))
+        back, half = fore + round(10_000 * float(rise)) / 10, int(world.random.integers(80, 400))
+        red = [f"{value + zero:g}" for value, zero in zip((back, fore), zeros, strict=True)]
+        rows += [
+            [str(number), one, f"{back + half:g}", f"{fore + half:g}", "后1", f"{back:g}", red[0], "0"],
+            ["", other, f"{back - half:g}", f"{fore - half:g}", "前2", f"{fore:g}", red[1], "0"],
+            ["", "", f"{half / 5:g}", f"{half / 5:g}", "后-前", f"{back - fore:g}", f"{back - fore - 100:g}", ""],
+            ["", "", "0", "0", "", "", "", ""],
+        ]
+    return rows
 
 
 def _dms(degrees: float, form: str) -> str:
@@ -292,75 +373,111 @@ def written(seed: int, folder: Path) -> tuple[str, list[Path], World]:
     here = world(seed)
     random = here.random
     survey = str(random.choice(list(SURVEYS)))
-    paths = []
-    for role, columns in SURVEYS[survey][0](here).items():
-        named = _named(here, columns)
-        order = [list(named)[k] for k in random.permutation(len(named))]
-        if random.random() < 0.6:
-            order = list(named)
-        has_gaps = any("" in column.values for column in columns)
-        separator = str(random.choice(SEPARATORS[:-1] if has_gaps else SEPARATORS))
-        has_comma = separator != "," and random.random() < 0.3
-        style, units_below = str(random.choice(["plain", "upper", "title"])), random.random() < 0.2
-        heads = [getattr(name, {"plain": "lower"}.get(style, style))() for name in order]
-        if not units_below:
-            forms = ["{} [{}]", "{} ({})", "{}_{}"] if separator != " " else ["{}_{}"]
-            form = str(random.choice(forms))
-            heads = [form.format(h, u) if (u := named[n].unit) else h for h, n in zip(heads, order, strict=True)]
-        dms = str(
-            random.choice(["{:d}-{:02d}-{:07.4f}", "{:d}°{:02d}'{:07.4f}\"", "{:d} {:02d} {:07.4f}", "{}", "{}", "{}"])
-        )
-        values = {name: named[name].values for name in order}
-        for name in order:
-            if named[name].unit == "deg" and dms != "{}" and separator != " ":
-                values[name] = [_dms(float(value), dms) for value in values[name]]
-                named[name] = named[name]._replace(unit="")
-        rows = [list(row) for row in zip(*(values[name] for name in order), strict=True)]
-        if has_comma:
-            numbers = [
-                k
-                for k, name in enumerate(order)
-                if any("." in value for value in values[name]) and values[name] is named[name].values
-            ]
-            rows = [[cell.replace(".", ",") if k in numbers else cell for k, cell in enumerate(row)] for row in rows]
-        place = next((k for k, name in enumerate(order) if named[name].meaning == "station"), None)
-        if place is not None and separator != " " and random.random() < 0.3:
-            rows = [
-                ["" if k == place and number and rows[number - 1][k] == cell else cell for k, cell in enumerate(row)]
-                for number, row in enumerate(rows)
-            ]
-        if random.random() < 0.3 and separator != " ":
-            heads, rows = [*heads, "remark"], [[*row, ""] for row in rows]
-        if units_below and separator != " " and any(named[name].unit for name in named):
-            rows = [[named[name].unit if name in named else "" for name in (*order, "")][: len(heads)], *rows]
-        head = ["Survey of May"] if random.random() < 0.2 and separator != " " else []
-        path = folder / f"{role}.csv"
-        if random.random() < 0.15:
-            path = path.with_suffix(".xlsx")
-            as_spreadsheet(path, "\n".join(map(";".join, [heads, *rows])).replace(",", "."))
+    tables = SURVEYS[survey][0](here)
+    is_one = survey != "bare" and random.random() < 0.3
+    is_chinese = random.random() < 0.2
+    separator, paths, sheet = str(random.choice(SEPARATORS[:3])), list[Path](), list[list[str]]()
+    for role, columns in tables.items():
+        has_gaps = is_one or survey == "form" or any("" in column.values for column in columns)
+        if not is_one:
+            separator = str(random.choice(SEPARATORS[:-1] if has_gaps else SEPARATORS))
+        if survey == "bare":
+            rows = [list(row) for row in zip(*(column.values for column in columns), strict=True)]
+        elif survey == "form" and role == "observed":
+            rows = form(here, columns)
         else:
-            lines = [*head, separator.join(heads), *map(separator.join, rows)]
-            encoding = str(random.choice(["utf-8", "utf-8", "utf-8-sig", "utf-16"]))
-            path.write_text("\n".join(lines) + "\n", encoding=encoding)
-        paths.append(path)
+            rows = _rows(here, columns, separator, is_chinese)
+        if not is_one:
+            paths.append(_saved(here, folder / f"{role}.csv", rows, separator, is_chinese))
+        elif role == "observed":
+            above = [["focal length", "152.7"], ["number of points", "12"], []] if random.random() < 0.3 else []
+            sheet = [*above, ["Readings"], *rows, []]
+        else:
+            sheet += [["Control points"], *rows]
+            if survey == "levelling" and random.random() < 0.5:
+                sheet += [[], ["Adjusted height differences"], *_rows(here, tables["observed"], separator, is_chinese)]
+    if is_one:
+        paths.append(_saved(here, folder / "field.csv", sheet, separator, is_chinese))
     return survey, paths, here
+
+
+def _rows(world: World, columns: Sequence[Column], separator: str, is_chinese: bool) -> list[list[str]]:
+    """A table of columns with a header as somebody may write it."""
+    random = world.random
+    named = _named(world, [column for column in columns if " " not in column.names], is_chinese)
+    named = {next((n for n, c in named.items() if c is column), column.names): column for column in columns}
+    order = [list(named)[k] for k in random.permutation(len(named))]
+    if random.random() < 0.6:
+        order = list(named)
+    has_comma = separator != "," and random.random() < 0.3
+    style, units_below = str(random.choice(["plain", "upper", "title"])), random.random() < 0.2
+    heads = [getattr(name, {"plain": "lower"}.get(style, style))() for name in order]
+    has_faces = any(column.meaning == "second" for column in columns)
+    if has_faces:
+        heads, units_below = [name.replace(" ", "_") if separator == " " else name for name in order], False
+    elif not units_below:
+        forms = ["{} [{}]", "{} ({})", "{}_{}"] if separator != " " else ["{}_{}"]
+        form = str(random.choice(forms))
+        heads = [form.format(h, u) if (u := named[n].unit) else h for h, n in zip(heads, order, strict=True)]
+    dms = str(
+        random.choice(["{:d}-{:02d}-{:07.4f}", "{:d}°{:02d}'{:07.4f}\"", "{:d} {:02d} {:07.4f}", "{}", "{}", "{}"])
+    )
+    values = {name: named[name].values for name in order}
+    for name in order:
+        if named[name].unit == "deg" and dms != "{}" and separator != " ":
+            values[name] = [_dms(float(value), dms) for value in values[name]]
+            named[name] = named[name]._replace(unit="")
+    rows = [list(row) for row in zip(*(values[name] for name in order), strict=True)]
+    if has_comma:
+        numbers = [
+            k
+            for k, name in enumerate(order)
+            if any("." in value for value in values[name]) and values[name] is named[name].values
+        ]
+        rows = [[cell.replace(".", ",") if k in numbers else cell for k, cell in enumerate(row)] for row in rows]
+    place = next((k for k, name in enumerate(order) if named[name].meaning == "station"), None)
+    if place is not None and separator != " " and random.random() < 0.3:
+        rows = [
+            ["" if k == place and number and rows[number - 1][k] == cell else cell for k, cell in enumerate(row)]
+            for number, row in enumerate(rows)
+        ]
+    if random.random() < 0.3 and separator != " ":
+        heads, rows = [*heads, "remark"], [[*row, ""] for row in rows]
+    if units_below and separator != " " and any(named[name].unit for name in named):
+        rows = [[named[name].unit if name in named else "" for name in (*order, "")][: len(heads)], *rows]
+    return [heads, *rows]
+
+
+def _saved(world: World, path: Path, rows: list[list[str]], separator: str, is_chinese: bool) -> Path:
+    """Write a text or a spreadsheet, and return its path."""
+    random = world.random
+    if random.random() < 0.15:
+        sheet = "\n".join(map(";".join, rows))
+        return as_spreadsheet(path, sheet if path.stem == "field" else sheet.replace(",", "."))
+    head = ["Survey of May"] if random.random() < 0.2 and separator != " " else []
+    encoding = str(random.choice(["utf-8", "utf-8", "utf-8-sig", "utf-16"]))
+    text = "\n".join([*head, *map(separator.join, rows)]) + "\n"
+    path.write_text(text, encoding="gb18030" if is_chinese and not text.isascii() else encoding)
+    return path
 
 
 def trial(seed: int, folder: Path) -> tuple[str, str]:
     """The kind of survey of a seed, and what is wrong with what becomes of its tables; empty where it is right."""
     survey, paths, here = written(seed, folder)
     project = folder / "p.yaml"
-    begun = mor("new", project, *paths)
+    free = ("--datum", "free") if survey == "bare" else ()
+    begun = mor("new", project, *paths, *free)
     if begun.code:
         return survey, f"new: {begun.err.splitlines()[-1]}"
     lines = project.read_text(encoding="utf-8").splitlines()
-    at = next((k for k, line in enumerate(lines) if "control" in line and "file:" in line), None)
+    listed = lines.index("points:") if "points:" in lines else len(lines)
+    at = next((k for k, line in enumerate(lines) if k > listed and "file:" in line), None)
     if at is None:
         return survey, "the list of control points is not in the project"
     end = next(k for k in range(at + 1, len(lines)) if lines[k][:4].strip(" #"))
     kept = [line for line in lines[at + 1 : end] if not line.strip().startswith("fixed:")]
     axes = "xyz" if SURVEYS[survey][1] == "z" else SURVEYS[survey][1]
-    lines[at + 1 : end] = [f"    fixed: [{', '.join(axes)}]", *kept]
+    lines[at + 1 : end] = kept if free else [f"    fixed: [{', '.join(axes)}]", *kept]
     flat = (line for line in lines if not line.startswith("curvature:"))
     project.write_text("\n".join(flat) + "\n", encoding="utf-8")
     done = mor("adjust", project)
