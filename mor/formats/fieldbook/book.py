@@ -1148,7 +1148,9 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
     bare = [row for row in known if row.cells[0] not in stated]
     if sigma and bare:
         points = counted(len(bare), "point")
-        draft.note(f"coordinates of {points} are observed with σ = {sigma} m: the book says none for them", bare[0].line)
+        draft.note(
+            f"coordinates of {points} are observed with σ = {sigma} m: the book says none for them", bare[0].line
+        )
     elif known and measured and not sigma:
         draft.note(
             "coordinates of the book are start values: one point does not define the datum of a network", known[0].line
