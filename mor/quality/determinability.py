@@ -577,7 +577,9 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
         return adjustment._replace(reason=AT_THE_START)
-    if untied and adjustment.reason != NO_DATUM and not fits(adjustment):
+    problem = adjustment.problem
+    enough = problem.observations >= problem.index.count - adjustment.defect.datum.shape[1]
+    if untied and enough and adjustment.reason != NO_DATUM and not fits(adjustment):
         return adjustment._replace(reason=PUT_ANYWHERE)
     return adjustment
 

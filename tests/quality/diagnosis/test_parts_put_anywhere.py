@@ -16,7 +16,10 @@ TWO_PARTS = """mor: 1
 points: [{columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 100, 0, 0], [C, 0, 9, 0], [D, 9, 9, 0]]}]
 datum: free
 observations:
-  - {type: distance, values: {sigma: 0.01}, columns: [from, to, distance], rows: [[A, B, 3], [C, D, 1]]}
+  - type: distance
+    values: {sigma: 0.01}
+    columns: [from, to, distance]
+    rows: [[A, B, 3], [A, B, 3], [A, B, 3], [C, D, 1], [C, D, 1], [C, D, 1]]
 """
 
 
@@ -35,6 +38,11 @@ def test_where_parts_lie_anywhere_and_do_not_fit_the_start_values_are_to_blame(t
 
 def test_where_they_fit_the_observations_are(tmp_path):
     singular = adjusted(tmp_path, TWO_PARTS.replace("B, 3]", "B, 100]").replace("D, 1]", "D, 9]"))
+    assert with_fitting_reason(singular, untied=True).reason == OPEN
+
+
+def test_fewer_observations_than_any_start_values_would_need_are_to_blame(tmp_path):
+    singular = adjusted(tmp_path, TWO_PARTS.replace("[A, B, 3], [A, B, 3], ", ""))
     assert with_fitting_reason(singular, untied=True).reason == OPEN
 
 
