@@ -1013,7 +1013,10 @@ _BINARY = (
     (b"PK[\3\5]", "a ZIP archive"),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet or document of Microsoft Office"),
     (b"\x1f\x8b|7z\xbc\xaf|Rar!|BZh|\xfd7zXZ|\\(\xb5/\xfd", "a compressed file"),
-    (b"SQLite format 3\0.*two_view_geometries", "a database of COLMAP without poses, whose model is to be exported"),
+    (
+        b"SQLite format 3\0.*(?:two_view_geometries|inlier_matches)",
+        "a database of COLMAP without poses, whose model is to be exported",
+    ),
     (b"SQLite format 3\0", "an SQLite database"),
     (b"PAR1", "a Parquet table"),
     (b"\x89HDF|CDF[\1\2\5]", "a file of scientific arrays (HDF5, NetCDF)"),
