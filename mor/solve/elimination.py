@@ -782,10 +782,8 @@ def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[t
                 moving_ray_kernels.moving_residuals(*arrays)
             if _any_along(place, chunk):
                 moving_ray_kernels.residuals_along(*arrays)
-        for group, here in _left_to_numpy(place, chunk, frame):
-            rows = plan.row[chunk.rays][here]
-            computed = problem.equations.computed_values(group.group, values, rows)
-            residual[here] = (computed - measured.observed[here]) * measured.weight[here]
+        for _, here, computed in _left_to_numpy(place, chunk, frame, derivatives=False):
+            residual[here] = (computed.values - measured.observed[here]) * measured.weight[here]
         yield chunk, np.where(measured.weight > 0.0, residual, 0.0)
 
 
@@ -821,9 +819,8 @@ def _ray_chunk(place: _LinearisationPoint, chunk: Chunk, columns: IntArray, work
             moving_ray_kernels.linearise_moving(*arrays, residual, by_point, by_others)
         if _any_along(place, chunk):
             moving_ray_kernels.linearise_along(*arrays, residual, by_point, by_others)
-    for group, here in _left_to_numpy(place, chunk, frame):
+    for group, here, computed in _left_to_numpy(place, chunk, frame):
         weight = measured.weight[here]
-        computed = place.problem.equations.computed(group.group, place.values, plan.row[chunk.rays][here])
         by_others[here] = _by_frame(place, group, frame[here], computed, width) * weight[:, :, None]
         by_point[here] = computed.jacobians[-1] * weight[:, :, None]
         residual[here] = (computed.values - measured.observed[here]) * weight
@@ -860,15 +857,19 @@ def _any_along(place: _LinearisationPoint, chunk: Chunk) -> bool:
     return bool((place.frames.model[chunk.frames] >= ALONG).any())
 
 
-def _left_to_numpy(place: _LinearisationPoint, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:
-    plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()]
+def _left_to_numpy(
+    place: _LinearisationPoint, chunk: Chunk, frame: IntArray, derivatives: bool = True
+) -> Iterator[tuple[GroupFrames, IntArray, Computed]]:
+    """Yield groups, the rays (k,) of a chunk that are of them, and what their equations make of these."""
+    plain = {g.group: g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()}
     if not plain:
         return
-    group_of_ray = place.plan.group_of_frame[frame]
-    for group in plain:
-        here = np.flatnonzero(group_of_ray == group.group)
-        if len(here):
-            yield group, here
+    group_of_ray, rows = place.plan.group_of_frame[frame], place.plan.row[chunk.rays]
+    here = {number: np.flatnonzero(group_of_ray == number) for number in plain}
+    numbers = [number for number, own in here.items() if len(own)]
+    found = place.problem.equations.of_several(numbers, place.values, [rows[here[n]] for n in numbers], derivatives)
+    for number, computed in zip(numbers, found, strict=True):
+        yield plain[number], here[number], computed
 
 
 def _by_frame(

@@ -20,8 +20,8 @@ from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 # An iteration asks for the same derivatives two or three times: for the normal equations, for the steps of
 # the points, for the size of round-off. In a small project, in plain numpy, a call costs about as much as a
 # hundred rows, so there all rows of a type are evaluated together, whichever group they are of, and what was
-# found at the last places is kept. In a large one it would take too much room, and chunks have many rows
-# each.
+# found at the last places is kept. In a large one that would take too much room: only the rows of a chunk are
+# evaluated together.
 
 _KEPT = 2
 """Places whose equations are kept: where the iteration is, and where it tries to go."""
@@ -67,6 +67,30 @@ class Equations:
         """Return computed observations (n, m), without derivatives."""
         found, place = self._found(number, values, rows)
         return found.values[place]
+
+    def of_several(
+        self, numbers: Sequence[int], values: Values, rows: Sequence[AnyIntArray], derivatives: bool = True
+    ) -> list[Computed]:
+        """Rows of several groups at some values; some networks have a group for each image."""
+        if compilation.is_small():
+            if derivatives:
+                return [self.computed(number, values, own) for number, own in zip(numbers, rows, strict=True)]
+            return [Computed(self.computed_values(n, values, own), ()) for n, own in zip(numbers, rows, strict=True)]
+        found: dict[int, Computed] = {}
+        types = {id(self._groups[number].type): self._groups[number].type for number in numbers}
+        for type_ in types.values():
+            alike = [k for k, number in enumerate(numbers) if self._groups[number].type is type_]
+            parts = [(self._groups[numbers[k]], rows[k]) for k in alike]
+            blocks = [
+                values[slot.kind][np.concatenate([group.blocks[j][own] for group, own in parts])]
+                for j, slot in enumerate(type_.slots)
+            ]
+            computed = type_.equation(blocks, np.concatenate([group.constants[own] for group, own in parts]))
+            ends = np.cumsum([len(own) for _, own in parts]).tolist()
+            for k, first, last in zip(alike, [0, *ends], ends, strict=False):
+                jacobians = tuple(one[first:last] for one in computed.jacobians)
+                found[k] = Computed(computed.values[first:last], jacobians)
+        return [found[k] for k in range(len(numbers))]
 
     def _found(self, number: int, values: Values, rows: AnyIntArray) -> tuple[Computed, AnyIntArray | slice]:
         """Return the linearisation, and the rows' places in it."""
