@@ -97,3 +97,21 @@ def test_a_large_project_evaluates_what_it_is_asked_for():
     with compilation.chosen_by_size(LARGE):
         Equations(groups).computed(0, scene.start(0.0), np.array([2, 0]))
     assert [rows for _, rows in asked] == [2]
+
+
+@pytest.mark.parametrize("size", [SMALL, LARGE])
+def test_rows_of_several_groups_are_those_of_each(size):
+    scene = mixed_network()[0]
+    groups = [half for group in scene.problem().groups for half in halves(group)]
+    counted_groups, asked = counted(groups)
+    values, numbers = scene.start(0.02), list(range(len(groups)))[::-1]
+    rows = [np.flatnonzero(groups[number].mask.any(axis=1))[number % 2 :: 2] for number in numbers]
+    with compilation.chosen_by_size(size):
+        found = Equations(counted_groups).of_several(numbers, values, rows)
+        without = Equations(groups).of_several(numbers, values, rows, derivatives=False)
+    assert len(asked) == len({group.type.key for group in groups})
+    for number, own, several, bare in zip(numbers, rows, found, without, strict=True):
+        alone = evaluated(groups[number], values, own)
+        for one, other in zip((several.values, *several.jacobians), (alone.values, *alone.jacobians), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max(initial=0.0))
+        np.testing.assert_array_equal(bare.values, several.values)
