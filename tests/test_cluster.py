@@ -124,14 +124,17 @@ def test_a_worker_lost_while_it_is_asked_is_asked_again() -> None:
     assert cluster._asked(Losing(), "token") == {"tcp://a:1": {}}
 
 
-def test_workers_without_the_program_are_told() -> None:
+@pytest.mark.parametrize(("state", "told"), [("running", "is it installed there"), ("closed", "the scheduler is lost")])
+def test_workers_without_the_program_and_a_lost_scheduler_are_told(state: str, told: str) -> None:
     class Other:
-        """A client whose workers do not know the program."""
+        """A client whose workers do not know the program, or whose scheduler is lost."""
+
+        status = state
 
         def run(self, function: object, token: str) -> dict[str, dict[str, object]]:
             raise Exception("ModuleNotFoundError(\"No module named 'mor'\")")
 
-    with pytest.raises(InputError, match="is it installed there"):
+    with pytest.raises(InputError, match=told):
         cluster._asked(Other(), "token")
 
 
