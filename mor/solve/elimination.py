@@ -312,18 +312,18 @@ def _products(rays: Rays, structure: BlockStructure, one: IntArray, other: IntAr
     cuts = np.flatnonzero((block[:, 1:] != block[:, :-1]).any(axis=0)) + 1
     runs = [slice(*ends) for ends in pairwise([0, *cuts.tolist(), block.shape[1]])]
     for rows, columns in product(runs, runs):
-        high, low = block[one, rows.start], block[other, columns.start]
-        some = np.flatnonzero((high >= 0) & (low >= 0))
+        row_block, column_block = block[one, rows.start], block[other, columns.start]
+        some = np.flatnonzero((row_block >= 0) & (column_block >= 0))
         if not len(some):
             continue
-        high, low = high[some], low[some]
-        start = find_blocks(structure, high, low)
+        row_block, column_block = row_block[some], column_block[some]
+        start = find_blocks(structure, row_block, column_block)
         _refuse_unless(bool((start >= 0).all()))
         row, column = within[one[some], rows][:, :, None], within[other[some], columns][:, None, :]
-        straight = start[:, None, None] + row * structure.sizes[low][:, None, None] + column
-        turned = start[:, None, None] + column * structure.sizes[high][:, None, None] + row
-        places = np.where((high >= low)[:, None, None], straight, turned)
-        yield _Products(some, rows, columns, places, turned, np.sign(high - low))
+        straight = start[:, None, None] + row * structure.sizes[column_block][:, None, None] + column
+        turned = start[:, None, None] + column * structure.sizes[row_block][:, None, None] + row
+        places = np.where((row_block >= column_block)[:, None, None], straight, turned)
+        yield _Products(some, rows, columns, places, turned, np.sign(row_block - column_block))
 
 
 class _Pairs(NamedTuple):
