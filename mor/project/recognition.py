@@ -571,7 +571,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     that lack points that were measured are control, except beside images. Copies of files of one name get numbers.
     Raises :class:`InputError` for a list with both.
     """
-    tables = _with_image_points_apart(_with_names_of_observations(_without_derived(tables)))
+    tables = _with_image_points_apart(_with_names_of_observations(_without_derived(_with_image_of_points(tables))))
     paths = dict.fromkeys(table.path for table in tables)
     for k, table in enumerate(tables):
         same = [path for path in paths if path.stem == table.path.stem].index(table.path)
@@ -592,14 +592,44 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
             raise InputError([Message(words, str(path))])
     new = points.difference(*(table.texts("id") for table in lists))
     found = _with_horizontal_distances(found)
-    if not new or any(table.is_control or table.has_sigma or ("x" in table.columns and images) for table in lists):
+    is_single = len(images) == 1 and all(table.kind in ("image", "points") for table in found)
+    in_images = any("x" in table.columns for table in lists) and bool(images) and not is_single
+    if any(table.is_control or table.has_sigma for table in lists) or in_images or not (new or is_single):
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
+    if is_single:
+        words = "taken as control: one image determines no point"
     computed = [t.columns.get("x") == "x0" or bool(DERIVED.search(normalised(t.title))) for t in found]
     return [
         t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" and not is_computed else t
         for t, is_computed in zip(found, computed, strict=True)
     ]
+
+
+def _with_image_of_points(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables, with points x, y as those of one image if the only other table has them elsewhere."""
+    flat, spatial = ([k for k, table in enumerate(tables) if ("z" in table.columns) is has] for has in (False, True))
+    found, is_pair = list(tables), len(flat) == len(spatial) == 1 and {t.kind for t in tables} == {"points"}
+    if not is_pair or "x" not in tables[flat[0]].columns:
+        return found
+    image, known = (
+        {name: tuple(cells) for name, *cells in zip(*map(table.texts, ("id", "x", "y")), strict=False)}
+        for table in (tables[flat[0]], tables[spatial[0]])
+    )
+    if len(image) < 3 or not image.keys() <= known.keys() or any(known[name] == place for name, place in image.items()):
+        return found
+    table = tables[flat[0]]
+    columns = {"image": "image", "point": table.columns["id"]} | {axis: table.columns[axis] for axis in "xy"}
+    words = "points of another table elsewhere: taken as image points, whose image is called 'image'"
+    found[flat[0]] = table._replace(
+        kind="image",
+        columns=columns,
+        header=("image", *table.header),
+        rows=tuple(("image", *row) for row in table.rows),
+        tidied=True,
+        notes=(*table.notes, words),
+    )
+    return found
 
 
 def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:

@@ -817,7 +817,8 @@ def with_station(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
 def with_image(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     """Rows of x, y beside X, Y, Z with columns for their image and their points, as for one image; and a note on it."""
     header = [cell.strip() for cell in rows[0]] if rows else []
-    if not {"x", "y", "X", "Y", "Z"} <= set(header) or "image" in kinds_of(named_columns(header)):
+    bare = {re.split(r"[\s(\[_]", cell, maxsplit=1)[0] for cell in header}  # without units
+    if not {"x", "y", "X", "Y", "Z"} <= bare or "image" in kinds_of(named_columns(header)):
         return rows, ()
     own = (columns_of("image", named_columns(["image", *header])) or {}).get("point", "")
     names = [cell_at(row, header.index(own)) for row in rows[1:]] if own else []

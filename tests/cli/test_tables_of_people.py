@@ -232,3 +232,21 @@ def test_the_unit_of_a_length_does_not_fit_an_angle(tmp_path: Path) -> None:
 def test_xml_is_no_table(tmp_path: Path) -> None:
     (tmp_path / "t.xml").write_text("<?xml version='1.0'?>\n<survey><a>1</a></survey>\n")
     assert "XML with the root element <survey>" in mor("new", tmp_path / "p.yaml", tmp_path / "t.xml").err
+
+
+@pytest.mark.parametrize("columns", ["ID,X(m),Y(m),Z(m),x(mm),y(mm)", "ID,X,Y,Z,x [mm],y [mm]", "ID,X,Y,Z,x_mm,y_mm"])
+def test_points_of_one_image_beside_their_coordinates_with_units(tmp_path: Path, columns: str) -> None:
+    rows = "1,1000.0,2000.0,50.0,10.5,20.1\n2,1100.0,2050.0,51.0,-30.5,25.1\n3,1050.0,2100.0,55.0,15.5,-40.1\n"
+    image, points = recognise(tmp_path / "t.csv", f"{columns}\n{rows}")
+    assert (image.kind, image.numbers("x"), image.units["x"]) == ("image", [10.5, -30.5, 15.5], "mm")
+    assert (points.numbers("x"), points.is_control) == ([1000.0, 1100.0, 1050.0], True)
+
+
+@pytest.mark.parametrize("is_elsewhere", [True, False])
+def test_a_list_of_points_elsewhere_is_one_of_image_points(tmp_path: Path, is_elsewhere: bool) -> None:
+    (tmp_path / "c.csv").write_text("id,x,y,z\nA,100,200,5\nB,110,220,5\nC,150,250,9\nD,170,210,9\n")
+    rows = "A,1.5,2.5\nB,-3.5,4.5\nC,2.5,8.5\n" if is_elsewhere else "A,100,200\nB,110,220\nC,150,250\n"
+    image, control = told_apart(
+        [*recognise(tmp_path / "i.csv", f"point,x,y\n{rows}"), *read_tables(tmp_path / "c.csv")]
+    )
+    assert (image.kind == "image", control.is_control) == (is_elsewhere, is_elsewhere)
