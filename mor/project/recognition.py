@@ -74,6 +74,8 @@ _GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
 """What programs write into empty cells; an asterisk is the σ of what is free."""
 _BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, UNITS_OF_NAMES))})[)\]])(?= |$)", re.IGNORECASE)
+_TWO_NUMBERS = re.compile(r"\s*[-+]?\d*\.\d+\s+[-+]?\d+\.?\d*\s*")
+"""Two numbers in one cell, between which tabs are missing; degrees have no fraction."""
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _QUADRANT = re.compile(
     r"(?P<from>[NS])\s*(?P<d>\d+(?:[.,]\d+)?)(?:\s*[-°ºd:\s]\s*(?P<m>\d+(?:[.,]\d+)?))?"
@@ -214,6 +216,9 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) ->
     headed = _with_header(path, cells, names[0])
     more = len(headed.rows[0]) - len(names[0])
     notes = (f"{counted(more, 'column')} behind those that have names not used",) if more > 0 else ()
+    above = cells.rows[: len(cells.rows) - len(headed.rows) + 1]
+    if unread := sum(any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in above):
+        notes += (f"rows with numbers stand above the header: {counted(unread, 'row')} not read",)
     return [table._replace(notes=(*notes, *table.notes)) for table in _of_rows(path, headed)]
 
 
@@ -250,7 +255,9 @@ def _of_rows(path: Path, cells: _File) -> list[Found]:
 
 def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
     """The rows below a header of these names, which takes the place of rows without numbers above them."""
-    numbers = [any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in cells.rows]
+    filled = [list(filter(None, map(str.strip, row))) for row in cells.rows]
+    # A number alone above a table is no row of it, as a focal length or a scale.
+    numbers = [any(map(NUMBER.fullmatch, row)) and (len(row) > 1 or len(names) < 2) for row in filled]
     start = numbers.index(True) if True in numbers else len(numbers)
     body = cells.rows[start:]
     widths = [max((k for k, cell in enumerate(row, start=1) if cell.strip()), default=0) for row in body]
@@ -789,6 +796,10 @@ def _cells(path: Path, sheet: str | None, widths: Collection[int]) -> _File:
     has_bars = 2 * sum(line.count("|") > 1 for line in lines) > len(lines) and ";" not in text
     if has_bars:
         lines = [line.strip().removeprefix("|").removesuffix("|").replace("|", ";") for line in lines]
+    pairs = ("\t" in line and any(map(_TWO_NUMBERS.fullmatch, line.split("\t"))) for line in lines)
+    is_mixed = 2 * sum(pairs) > len(lines)
+    if is_mixed:
+        lines = [line.replace("\t", " ") for line in lines]
     likely = max(";\t,", key=next((line for line in lines if any(map(line.count, ";\t,"))), "").count)
     likely = likely if any(likely in line for line in lines) else " "
     if widths:
@@ -817,6 +828,7 @@ def _cells(path: Path, sheet: str | None, widths: Collection[int]) -> _File:
     joined = (
         is_counted
         or has_bars
+        or is_mixed
         or (delimiter == " " and any(_BRACKETED_UNIT.search(" ".join(line.split())) for line in lines))
     )
     return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding, joined)

@@ -250,3 +250,20 @@ def test_a_list_of_points_elsewhere_is_one_of_image_points(tmp_path: Path, is_el
         [*recognise(tmp_path / "i.csv", f"point,x,y\n{rows}"), *read_tables(tmp_path / "c.csv")]
     )
     assert (image.kind == "image", control.is_control) == (is_elsewhere, is_elsewhere)
+
+
+def test_tabs_and_blanks_in_one_row(tmp_path: Path) -> None:
+    text = "1\t100.1 200.1\t5.2\n2\t110.2  220.3\t6.1\n3\t 150.2 250.1\t7.3\n"
+    (tmp_path / "t.txt").write_text(text)
+    (table,) = read_tables(tmp_path / "t.txt", ("id", "x", "y", "z"))
+    assert [table.numbers(axis) for axis in "xyz"] == [[100.1, 110.2, 150.2], [200.1, 220.3, 250.1], [5.2, 6.1, 7.3]]
+    (tmp_path / "a.txt").write_text("A\tB\t10 20 30.5\t5\nA\tC\t20 30 40.5\t6\n")
+    directions, _ = read_tables(tmp_path / "a.txt", ("station", "to", "horizontal", "distance"))
+    assert len(directions.header) == 4, "degrees, minutes and seconds stay together"
+
+
+def test_a_number_above_a_table_without_a_header(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("152.7\n1 100.1 200.1\n2 110.2 220.3\n3 150.2 250.1\n")
+    (table,) = read_tables(tmp_path / "t.txt", ("id", "x", "y"))
+    assert table.numbers("x") == [100.1, 110.2, 150.2]
+    assert "rows with numbers stand above the header: 1 row not read" in table.notes
