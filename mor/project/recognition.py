@@ -215,7 +215,9 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) ->
         return _of_rows(path, cells)
     headed = _with_header(path, cells, names[0])
     more = len(headed.rows[0]) - len(names[0])
-    notes = (f"{counted(more, 'column')} behind those that have names not used",) if more > 0 else ()
+    notes: tuple[str, ...] = ()
+    if more > 0:
+        notes = (f"{counted(more, 'column')} behind those that have names not used",)
     above = cells.rows[: len(cells.rows) - len(headed.rows) + 1]
     if unread := sum(any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in above):
         notes += (f"rows with numbers stand above the header: {counted(unread, 'row')} not read",)
