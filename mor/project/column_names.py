@@ -162,8 +162,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {
             "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
             "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
-            "|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
-            "distance": _BEARING_DISTANCE,
+            "|beta|β|measuredangle|measuredangles|horangle|horang|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
+            "distance": f"{_BEARING_DISTANCE}|svor|s",
         },
         {},
     ),

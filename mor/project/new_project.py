@@ -295,21 +295,28 @@ def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float
     if names is None:
         return None
     before, apart = dict[tuple[str, ...], tuple[float, float]](), list[float]()
+    carried = dict[tuple[str, str], float]()
     sets, faces = (table.texts(name) or [""] * len(table.rows) for name in ("set", "face"))
     full = {"deg": 360.0, "gon": 400.0}.get(table.units.get(names[3], ""), full)
+
+    def leads(at: str, end: str) -> float | None:
+        """Bearing by coordinates, or else by the angles of the traverse before."""
+        if at == end or not {at, end} <= places.keys() or places[at] == places[end]:
+            return carried.get((at, end))
+        return math.atan2(places[end][0] - places[at][0], places[end][1] - places[at][1]) / math.tau
+
     for at, start, end, text, *circle in zip(*map(table.texts, names), sets, faces, strict=False):
         value = _turn(text.replace(",", ".") if table.decimal_comma else text, full)
-        if value is None or not {at, start, end} <= places.keys() or places[at] == places[end]:
+        back, ahead = leads(at, start), leads(at, end)
+        if value is None or (table.kind == "angle" and back is None) or (table.kind != "angle" and ahead is None):
             continue
-        back, ahead = (
-            math.atan2(places[name][0] - places[at][0], places[name][1] - places[at][1]) / math.tau
-            for name in (start, end)
-        )
-        if table.kind == "angle":
-            apart.append(value - sense * (ahead - back))
-        elif table.kind == "bearing":
+        if back is not None and table.kind == "angle":
+            if ahead is not None:
+                apart.append(value - sense * (ahead - back))
+            carried[end, at] = back + sense * value + 0.5
+        elif ahead is not None and table.kind == "bearing":
             apart.append(value - (ahead if sense > 0 else 0.25 - ahead))
-        else:
+        elif ahead is not None:
             last = before.get((at, *circle))
             before[at, *circle] = value, ahead
             if last is not None:

@@ -517,7 +517,9 @@ def _by_angles(header: tuple[str, ...], body: Cells, columns: Mapping[str, str])
     plan = columns_of("points in the plane", [one for one in named_columns(header) if one[0] != header[angle]])
     if plan and plan["id"] == header[point]:
         cells = [tuple(cell_at(row, header.index(plan[name])) for name in ("id", "x", "y")) for row in named]
-        found.append((((header[point], "x0", "y0"), *(row for row in cells if all(row))), ()))
+        turning = [own for own, row in zip(cells, named, strict=True) if cell_at(row, angle)]
+        axes = ("x0", "y0") if all(map(all, turning)) else ("x", "y")  # computed, or known of some
+        found.append((((header[point], *axes), *(row for row in cells if all(row))), ()))
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import pytest
@@ -267,3 +268,24 @@ def test_a_number_above_a_table_without_a_header(tmp_path: Path) -> None:
     (table,) = read_tables(tmp_path / "t.txt", ("id", "x", "y"))
     assert table.numbers("x") == [100.1, 110.2, 150.2]
     assert "rows with numbers stand above the header: 1 row not read" in table.notes
+
+
+def test_axes_of_a_traverse_between_known_points(tmp_path: Path) -> None:
+    """Only its ends have coordinates: y leads east, x north, and the angles between them close in that sense alone."""
+    places = {"A": (0.0, 500.0), "B": (180.0, 350.0), "P": (215.0, 500.0), "C": (460.0, 790.0), "D": (220.0, 915.0)}
+    rows = ["id,beta,s_vor,y,x", "A,,,0,500"]
+    for before, at, after in zip("ABP", "BPC", "PCD", strict=True):
+        back, ahead = (
+            math.atan2(places[other][0] - places[at][0], places[other][1] - places[at][1]) for other in (before, after)
+        )
+        distance = f"{math.dist(places[at], places[after]):.3f}" if after != "D" else ""
+        known = ",".join(map(str, places[at])) if at != "P" else ","
+        rows.append(f"{at},{(ahead - back) % math.tau * 200.0 / math.pi:.4f},{distance},{known}")
+    (tmp_path / "t.csv").write_text("\n".join([*rows, "D,,,220,915"]) + "\n")
+    assert mor("new", tmp_path / "p.yaml", tmp_path / "t.csv").code == 0
+    assert mor("adjust", tmp_path / "p.yaml", "-q").code == 0
+    text = (tmp_path / "p.yaml").read_text(encoding="utf-8")
+    assert "axes: {xy: ne}" in text
+    assert "fixed: [x, y]" in text
+    (found,) = [line for line in (tmp_path / "p.results" / "points.csv").read_text().splitlines() if line[:2] == "P,"]
+    assert [float(cell) for cell in found.split(",")[1:3]] == pytest.approx([500.0, 215.0], abs=2e-3)
