@@ -430,10 +430,14 @@ def named_columns(header: Sequence[str]) -> list[tuple[str, str, str]]:
     return [(cell, *name_and_unit(cell)) for cell in header]
 
 
+_BRACKETS = str.maketrans("（）［］", "()[]")
+
+
 def name_and_unit(cell: str) -> tuple[str, str]:
     """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
     if len(cell) > 200:
         return cell, ""
+    cell = cell.translate(_BRACKETS)
     match, unit, bare = _WITH_UNIT.fullmatch(cell.strip()), "", cell
     if match:
         word = next(group for group in match.groups()[1:] if group is not None)

@@ -365,8 +365,9 @@ def _pairs_of_faces(header: Sequence[str]) -> list[tuple[int, int, str]]:
         ends = {normalised(second.sub(" ", cell)): k for k, cell in enumerate(header) if second.search(cell)}
         names = {k: first.sub(" ", cell).strip() for k, cell in enumerate(header) if first.search(cell)}
         if found := [(k, ends[normalised(name)], name) for k, name in names.items() if normalised(name) in ends]:
-            known = KNOWN_NAMES - {""}
-            return [(k, j, name if name_and_unit(name)[0] in known else "horizontal") for k, j, name in found]
+            is_known = [name_and_unit(name)[0] in KNOWN_NAMES - {""} for _, _, name in found]
+            one = is_known.index(False) if False in is_known else -1
+            return [(k, j, "horizontal" if i == one else name) for i, (k, j, name) in enumerate(found)]
     return []
 
 
