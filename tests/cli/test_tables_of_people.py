@@ -295,7 +295,7 @@ def test_faces_below_two_headings(tmp_path: Path) -> None:
     text = "测站,目标点,观测角读数,,水平距离（m）,\n,,盘左,盘右,盘左,盘右\n"
     text += "A,B,10 20 30,190 20 36,100.001,100.002\nA,C,95 10 10,275 10 18,60.456,60.458\n"
     directions, distances = recognise(tmp_path / "t.csv", text)
-    assert directions.texts("horizontal") == ["10-20-30", "190-20-36", "95-10-10", "275-10-18"]
+    assert directions.texts("horizontal") == ["10 20 30", "190 20 36", "95 10 10", "275 10 18"]
     assert (distances.kind, distances.numbers("distance")) == (
         "horizontal_distance",
         [100.001, 100.002, 60.456, 60.458],
