@@ -295,14 +295,8 @@ def _headers(rows: Cells, lines: tuple[int, ...]) -> list[int]:
             continue
         below = _words(rows[k + 1]) if k + 1 < len(rows) else []
         if (found and not has_values) or len(words) < 2:
-            after = _words(rows[k + 1]) if k + 1 < len(rows) else []
-            if (
-                has_values
-                and header[:1] == ("id",)
-                and len(words) == 1
-                and after[2:]
-                and not NUMBER.fullmatch(after[1])
-            ):
+            is_listed = has_values and header[:1] == ("id",) and len(words) == 1
+            if is_listed and below[2:] and not NUMBER.fullmatch(below[1]):
                 found.append(k + 1)  # a list of known points without a header ends
                 has_values, header = False, ("",)
             continue
