@@ -120,7 +120,7 @@ def command(
         if len(meant) != 1:
             raise InputError([Message("this is none of the tables that are given, or several", f"--columns {given}")])
         named.setdefault(meant[0], []).append(tuple(name.strip() for name in names.split(",")))
-    found = told_apart(levelled(_read(tables, named)))
+    found = told_apart(levelled(_read(tables, named)), is_free=datum == "free")
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")

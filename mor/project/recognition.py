@@ -575,12 +575,12 @@ def _with_readings(rows: Cells, kind: str, columns: Mapping[str, str], header: S
     )
 
 
-def told_apart(tables: Sequence[Found]) -> list[Found]:
+def told_apart(tables: Sequence[Found], is_free: bool = False) -> list[Found]:
     """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Lists
-    that lack points that were measured are control, except beside images. Copies of files of one name get numbers.
-    Raises :class:`InputError` for a list with both.
+    that lack points that were measured are control, except beside images and in networks that are said to be free.
+    Copies of files of one name get numbers. Raises :class:`InputError` for a list with both.
     """
     tables = _with_image_points_apart(_with_names_of_observations(_without_derived(_with_image_of_points(tables))))
     paths = dict.fromkeys(table.path for table in tables)
@@ -605,7 +605,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     found = _with_horizontal_distances(found)
     is_single = len(images) == 1 and all(table.kind in ("image", "points") for table in found)
     in_images = any("x" in table.columns for table in lists) and bool(images) and not is_single
-    if any(table.is_control or table.has_sigma for table in lists) or in_images or not (new or is_single):
+    if is_free or any(table.is_control or table.has_sigma for table in lists) or in_images or not (new or is_single):
         return found
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
     if is_single:

@@ -199,8 +199,9 @@ def test_coordinates_tell_whether_distances_are_horizontal(tmp_path: Path, size:
 def test_a_list_that_lacks_points_is_of_known_ones(tmp_path: Path) -> None:
     (tmp_path / "p.csv").write_text("point;Y;X\nP1;100;200\n")
     distances = recognise(tmp_path / "t.csv", "from,to,distance\nP1,P2,10.5\nP2,P3,11.5\n")
-    _, points = told_apart([*distances, *read_tables(tmp_path / "p.csv")])
-    assert points.is_control
+    tables = [*distances, *read_tables(tmp_path / "p.csv")]
+    assert told_apart(tables)[1].is_control
+    assert not told_apart(tables, is_free=True)[1].is_control
 
 
 def test_computed_columns_of_a_traverse_are_left_out(tmp_path: Path) -> None:
