@@ -620,14 +620,15 @@ def told_apart(tables: Sequence[Found], is_free: bool = False) -> list[Found]:
 def _with_image_of_points(tables: Sequence[Found]) -> list[Found]:
     """Return the tables, with points x, y as those of one image if the only other table has them elsewhere."""
     flat, spatial = ([k for k, table in enumerate(tables) if ("z" in table.columns) is has] for has in (False, True))
-    found, is_pair = list(tables), len(flat) == len(spatial) == 1 and {t.kind for t in tables} == {"points"}
-    if not is_pair or "x" not in tables[flat[0]].columns:
+    found = list(tables)
+    if not len(flat) == len(spatial) == 1 or {table.kind for table in tables} != {"points"}:
         return found
-    image, known = (
-        {name: tuple(cells) for name, *cells in zip(*map(table.texts, ("id", "x", "y")), strict=False)}
-        for table in (tables[flat[0]], tables[spatial[0]])
-    )
-    if len(image) < 3 or not image.keys() <= known.keys() or any(known[name] == place for name, place in image.items()):
+    image, known = tables[flat[0]].places(), tables[spatial[0]].places()
+    if len(image) < 3 or not image.keys() <= known.keys():
+        return found
+    extent = max(math.dist(one[:2], other[:2]) for one, other in pairwise(known.values()))
+    # Coordinates of the same points differ by less than 5 % of their extent, however rough they are.
+    if not median(math.dist(known[name][:2], place) for name, place in image.items()) > 0.05 * extent:
         return found
     table = tables[flat[0]]
     columns = {"image": "image", "point": table.columns["id"]} | {axis: table.columns[axis] for axis in "xy"}

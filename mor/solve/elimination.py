@@ -116,9 +116,9 @@ def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
 # point are multiplied, and those of the same two frames are added up before it is looked up where they go.
 
 _ALWAYS_DENSE, _MOST_ENTRIES = 1_000_000, 20_000_000
-"""Entries of a dense matrix up to which it is taken whatever it costs, and at most."""
+"""Up to the first number of entries a matrix is always dense (16 MB with its copy); beyond the second one, never."""
 _OF_AN_ENTRY, _OF_A_POINT, _OF_A_PAIR = 10.0, 0.3, 5.0
-"""ns for an entry of a dense matrix that is added, for what a point adds to it, and for an entry of a pair of rays."""
+"""ns: to add an entry of a dense matrix, the share of one point in it, and an entry of a pair (measured, one core)."""
 _PAIRS_SORTED, _PAIRS_AT_A_TIME = 500_000, 16_384
 """Pairs of rays that are put in order, and that are multiplied together: large arrays are slow to get."""
 
@@ -258,9 +258,9 @@ def _by_dense(dense: _DenseRays, E: FloatArray, inverse: BlockMatrix) -> tuple[F
 
 
 def _as_dense(rays: Rays, structure: BlockStructure) -> _DenseRays | None:
-    """What the rays meet as a dense matrix, or ``None`` where pairs of rays cost less.
+    """Return the rays with their part of the system as a dense matrix, or ``None`` if pairs of rays cost less.
 
-    Where they go is kept from one pass to the next in a small project, whose passes are many.
+    A small project keeps their places from one pass to the next.
     """
     small = compilation.is_small()
     key = (rays.columns.tobytes(), rays.point_pointers.tobytes(), rays.frame.tobytes()) if small else None
@@ -403,7 +403,8 @@ def _by_pairs(rays: Rays, E: FloatArray, inverse: BlockMatrix) -> tuple[FloatArr
     H = np.zeros(E.shape)
     for pairs in _pairs(rays, both=True):
         Q = np.take(of_frames(pairs.frame, pairs.partner), pairs.number, axis=0)
-        H += _sums(pairs.one, rays.rays, Q @ np.take(E, pairs.other, axis=0))
+        first, last = int(pairs.one.min()), int(pairs.one.max())
+        H[first : last + 1] += _sums(pairs.one - first, last - first + 1, Q @ np.take(E, pairs.other, axis=0))
     every = np.arange(len(rays.columns))
     return H, of_frames(every, every)
 

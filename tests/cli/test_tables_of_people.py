@@ -247,7 +247,7 @@ def test_points_of_one_image_beside_their_coordinates_with_units(tmp_path: Path,
 @pytest.mark.parametrize("is_elsewhere", [True, False])
 def test_a_list_of_points_elsewhere_is_one_of_image_points(tmp_path: Path, is_elsewhere: bool) -> None:
     (tmp_path / "c.csv").write_text("id,x,y,z\nA,100,200,5\nB,110,220,5\nC,150,250,9\nD,170,210,9\n")
-    rows = "A,1.5,2.5\nB,-3.5,4.5\nC,2.5,8.5\n" if is_elsewhere else "A,100,200\nB,110,220\nC,150,250\n"
+    rows = "A,1.5,2.5\nB,-3.5,4.5\nC,2.5,8.5\n" if is_elsewhere else "A,100.5,200.0\nB,109.9,220\nC,150,250.0\n"
     image, control = told_apart(
         [*recognise(tmp_path / "i.csv", f"point,x,y\n{rows}"), *read_tables(tmp_path / "c.csv")]
     )

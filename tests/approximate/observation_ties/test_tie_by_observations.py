@@ -144,7 +144,7 @@ def directions_of_one_station(at, draw):
 
 @pytest.mark.parametrize("observed", [distances, directions_of_one_station])
 def test_a_target_that_knows_neither_vertical_nor_unit_is_tied(observed, tmp_path):
-    """What observations refer to is looked for, too; they do not take the axes of the target for it."""
+    """The search also finds the vertical and the unit; it does not take the axes of the target for them."""
     draw = np.random.default_rng(5)
     at = places(draw)
     network, scene, target, source = two_parts(observed(at, draw), at, tmp_path)
