@@ -67,6 +67,9 @@ def measure(chosen: argparse.Namespace, results: dict[str, Any]) -> None:
     names = chosen.cases or [case.name for case in CASES.values() if case.usual]
     with tempfile.TemporaryDirectory(dir=chosen.folder) as folder:
         ceres = None if chosen.no_peers else available_ceres(Path(folder), results)
+        say("mor compile")
+        if (done := run([sys.executable, "-m", "mor", "compile"], Path(folder), {"PYTHONPATH": path()})).code:
+            leave_out(results, f"compiled kernels: {done.errors.strip()}")
         for name in names:
             say(f"{name}: {CASES[name].words}")
             place = Path(folder) / name
