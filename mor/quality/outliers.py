@@ -16,6 +16,7 @@ from mor.model.contract import Computed, ObservationGroup, wrap
 from mor.model.images import is_image_point, is_on_the_sphere
 from mor.model.parameters import ROTATION, Blocks, Values, index_unknowns
 from mor.quality.robust_estimation import (
+    WIDEST,
     Graduated,
     exclude,
     frames_of,
@@ -492,8 +493,8 @@ def without_suspects(
 def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
-    # From a robust σ of 10⁴ σ on not even half of the observations fit, whatever is left out.
-    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > 1e4:
+    # Where half of the observations are farther off than the widest weights reach, there is nothing to leave out.
+    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > WIDEST:
         return from_far()._replace(robust=found.values)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
