@@ -149,7 +149,12 @@ def command(
 
 def _read(paths: Sequence[Path], named: Mapping[Path, Sequence[Sequence[str]]]) -> list[Found]:
     """Tables of all files. Coordinates may tell the columns of those without a header."""
-    from mor.project.headerless import HeaderlessError, listed_places, names_by_coordinates
+    from mor.project.headerless import (
+        HeaderlessError,
+        listed_places,
+        names_by_coordinates,
+        names_of_lists,
+    )
 
     found: dict[Path, list[Found]] = {}
     bare: dict[Path, HeaderlessError] = {}
@@ -160,15 +165,20 @@ def _read(paths: Sequence[Path], named: Mapping[Path, Sequence[Sequence[str]]]) 
             found[path], bare[path] = [], error
     listed = {path: listed_places(mistake.rows) for path, mistake in bare.items()}
     places = {name: place for own in listed.values() for name, place in own.items()}
-    places |= {name: place for tables in found.values() for table in tables for name, place in table.places().items()}
+    read = [table.places() for tables in found.values() for table in tables]
+    places |= {name: place for own in read for name, place in own.items()}
     told = {path: names_by_coordinates(mistake.rows, places) for path, mistake in bare.items()}
     used = {cell for path, names in told.items() if names for row in bare[path].rows for cell in row}
+    by_names = names_of_lists(listed, read)
     for path, mistake in bare.items():
         if not used.isdisjoint(listed[path]):
             told[path] = ["id", "x", "y", "z"][: len(mistake.rows[0])]
+        told[path] = told[path] or by_names.get(path, [])
         if not told[path]:
             raise mistake
         words = f"no header: read as {', '.join(told[path])}, as coordinates and distances agree"
+        if path in by_names:
+            words = f"no header: read as {', '.join(told[path])}, as names of points agree"
         found[path] = [t._replace(notes=(*t.notes, words)) for t in _recognised(path, told[path])]
     return [table for tables in found.values() for table in tables]
 

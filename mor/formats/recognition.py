@@ -1083,7 +1083,8 @@ def _sample(path: Path) -> Sample:
         if not path.is_file():
             return Sample(path)
         with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
-            return Sample(path, file.read(_RECOGNITION_HEAD))
+            head = file.read(_RECOGNITION_HEAD)
+            return Sample(path, head + (file.read(1 << 20) if head.startswith(b"SQLite") else b""))  # its tables
     except (OSError, EOFError, ValueError, zlib.error):
         return Sample(path)
 
@@ -1112,9 +1113,10 @@ def _recognition_numbers(words: list[str]) -> int:
 
 
 def _colmap(sample: Sample) -> bool:
-    if not sample.names:
-        return sample.path.stem in COLMAP_FILES and sample.path.suffix in (".bin", ".txt")
-    counts = [sum(f"{name}{end}" in sample.names for name in COLMAP_FILES) for end in (".bin", ".txt")]
+    if not sample.names and (sample.path.stem not in COLMAP_FILES or sample.path.suffix not in (".bin", ".txt")):
+        return False
+    names = sample.names or set(_names(sample.path.parent))
+    counts = [sum(f"{name}{end}" in names for name in COLMAP_FILES) for end in (".bin", ".txt")]
     return max(counts) > 1  # the reader says which one is missing
 
 

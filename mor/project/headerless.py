@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from itertools import groupby
+from itertools import groupby, pairwise
 from pathlib import Path
 
 from mor.errors import InputError, Message
-from mor.project.column_names import NUMBER, Cells, cell_at, number_in
+from mor.project.column_names import NUMBER, Cells, cell_at, kinds_of, named_columns, number_in
 
 _CLOSE = 1e-3
-"""Part of a distance by which readings differ from approximate coordinates."""
+"""Part of a length by which what is equal may differ."""
 _NAMES_OF_FILES = [
     (meant, re.compile(words))
     for meant, words in (
@@ -37,12 +37,19 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
     by_width = {len(block[0]): block for block in reversed(blocks)}
     columns, options = list[str](), list[str]()
     listed = {row[0]: len(row) for row in rows if len(row) == min(by_width)} if len(by_width) > 1 else {}
+    told = _names_below_others(blocks)
     for width, block in sorted(by_width.items())[:3]:
         for k in range(width):
             values = ", ".join(dict.fromkeys(cell_at(row, k) for row in block[:3]))
             columns.append(f"{k + 1}/{width}: {values}" if len(by_width) > 1 else f"{k + 1}: {values}")
-        if likely := _likely_names(path, block, listed):
+        likely = told.get(width) or _likely_names(path, block, listed)
+        is_count = block is blocks[0] and len(block) == 1 and cell_at(block[0], 0).isdecimal()
+        if len(by_width) > 1 and width not in told and (is_count or not kinds_of(named_columns(likely))):
+            likely = ["-"] * width  # as counts of what follows
+        if {*likely} - {"-"} or len(by_width) > 1:
             options.append(f"--columns {path.name} {','.join(likely)}")
+    if all("," not in option or {*option.split()[-1].split(",")} == {"-"} for option in options):
+        options = []
     words = "expected a header with the names of the columns in the first line"
     if columns:
         words = f"expected a header with the names of the columns, which are {'; '.join(columns)}"
@@ -51,6 +58,22 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
     mistake = HeaderlessError([Message(words, str(path), line)])
     mistake.rows = rows
     return mistake
+
+
+def _names_below_others(blocks: Sequence[Cells]) -> dict[int, list[str]]:
+    """Return names by width where single short rows, of stations or images, stand above longer ones; else nothing."""
+    longest = max(blocks, key=len, default=())
+    width = len(longest[0]) if longest else 0
+    short = [len(block[0]) for block, below in pairwise(blocks) if len(below[0]) == width and len(block) < 3]
+    above = max(set(short), key=short.count, default=0)
+    if width not in (3, 4, 5) or above not in (1, 2) or short.count(above) < 2:
+        return {}
+    cells = [cell for block in blocks if len(block[0]) == width for row in block for cell in row[1:]]
+    is_image = width == 3 and any(cell.startswith("-") for cell in cells)
+    if is_image:
+        return {above: ["image", "-"][:above], width: ["point", "x", "y"]}
+    sight = ["to", *["to_height"][: width - 4], "horizontal", *["zenith"][: width - 3], "distance"]
+    return {above: ["station", "from_height"][:above], width: sight}
 
 
 def with_names_apart(rows: Cells) -> Cells:
@@ -80,8 +103,11 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
     told = next((meant for meant, form in _NAMES_OF_FILES if form.search(path.stem.lower())), "")
     if not names:
         return []
-    if names == 3:  # the vertex is named in fewer ways than the other points
-        ends = ["from", "at", "to"] if len(set(columns[1])) < len(set(columns[0])) else ["at", "from", "to"]
+    if names == 3 and all(len(c) > len(a + b) and a in c and b in c for a, b, c in zip(*columns[:3], strict=True)):
+        # The third one joins both ends, as a name of files.
+        return ["from", "to", "-", *_likely_names(path, tuple((*row[:2], *row[3:]) for row in rows), listed)[2:]]
+    if names == 3:  # the vertex is named in fewer ways than the other points, and mostly between them
+        ends = ["from", "at", "to"] if len(set(columns[1])) <= len(set(columns[0])) else ["at", "from", "to"]
         found = [*ends, *(("angle_d", "angle_m", "angle_s") if sexagesimal else ("angle",))]
     elif sexagesimal:
         found = ["station", "to", "horizontal_d", "horizontal_m", "horizontal_s"]
@@ -109,13 +135,33 @@ def _are_sexagesimal(columns: Sequence[Sequence[str]]) -> bool:
 
 
 def listed_places(rows: Cells) -> dict[str, tuple[float, ...]]:
-    """Return coordinates by point if each row is a name and two or three of them; nothing for other tables."""
+    """Return coordinates by point if each row is a name and two or three of them; nothing for other tables.
+
+    A number alone above them, as their count, is passed by.
+    """
+    rows = rows[1:] if rows and len(rows[0]) == 1 else rows
     places = {
         row[0].strip(): tuple(float(cell.replace(",", ".")) for cell in row[1:])
         for row in rows
         if len(row) in (3, 4) and all(NUMBER.fullmatch(cell.strip()) for cell in row[1:])
     }
     return places if len(places) == len(rows) else {}
+
+
+def names_of_lists(listed: Mapping[Path, Places], read: Sequence[Places]) -> dict[Path, list[str]]:
+    """Return names of the columns of a list with two numbers to a point, and of one with three numbers to most of them.
+
+    ``read``: lists with a header.
+    """
+    found = dict[Path, list[str]]()
+    for path, own in listed.items():
+        for other, places in (*listed.items(), *((None, one) for one in read)):
+            shared = [name for name in own if name in places]
+            widths = {len(own[name]) for name in shared}, {len(places[name]) for name in shared}
+            if widths == ({2}, {3}) and len(shared) > max(2, len(own) // 2):
+                found[path] = ["id", "x", "y"]
+                found |= {other: ["id", "x", "y", "z"]} if other else {}
+    return found
 
 
 def names_by_coordinates(rows: Cells, places: Places) -> list[str]:

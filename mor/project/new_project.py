@@ -296,7 +296,7 @@ def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float
         return None
     before, apart = dict[tuple[str, ...], tuple[float, float]](), list[float]()
     carried = dict[tuple[str, str], float]()
-    sets, faces = (table.texts(name) or [""] * len(table.rows) for name in ("set", "face"))
+    sets, faces, zeniths = (table.texts(name) or [""] * len(table.rows) for name in ("set", "face", "zenith"))
     full = {"deg": 360.0, "gon": 400.0}.get(table.units.get(names[3], ""), full)
 
     def leads(at: str, end: str) -> float | None:
@@ -305,8 +305,10 @@ def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float
             return carried.get((at, end))
         return math.atan2(places[end][0] - places[at][0], places[end][1] - places[at][1]) / math.tau
 
-    for at, start, end, text, *circle in zip(*map(table.texts, names), sets, faces, strict=False):
-        value = _turn(text.replace(",", ".") if table.decimal_comma else text, full)
+    for at, start, end, text, zenith, *circle in zip(*map(table.texts, names), zeniths, sets, faces, strict=False):
+        value, tilt = (_turn(t.replace(",", ".") if table.decimal_comma else t, full) for t in (text, zenith))
+        if value is not None and tilt is not None and tilt > 0.5:
+            value += 0.5  # in face 2
         back, ahead = leads(at, start), leads(at, end)
         if value is None or (table.kind == "angle" and back is None) or (table.kind != "angle" and ahead is None):
             continue
@@ -319,7 +321,7 @@ def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float
         elif ahead is not None:
             last = before.get((at, *circle))
             before[at, *circle] = value, ahead
-            if last is not None:
+            if last is not None and last[1] != ahead:  # not the same target once more
                 apart.append(value - last[0] - sense * (ahead - last[1]))
     return median(abs((size + 0.5) % 1.0 - 0.5) for size in apart) if apart else None
 

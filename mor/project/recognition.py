@@ -162,6 +162,10 @@ class Found(NamedTuple):
         return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
 
 
+_STARRED = re.compile(r"([\d.]+)\*")
+"""The last number of a station in some books."""
+
+
 def read_tables(path: Path, *names: Sequence[str]) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
@@ -209,8 +213,7 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) ->
     apart = () if any(map(is_heading, cells.rows)) else with_names_apart(cells.rows)
     cells = cells._replace(rows=apart, was_joined=True) if apart and apart != cells.rows else cells
     if len(names) > 1:
-        parts = [_of_rows(path, _with_header(path, _of_width(cells, len(own)), own)) for own in names]
-        return [t._replace(part=f"{t.kind}_{k}", tidied=True) for k, part in enumerate(parts, 1) for t in part]
+        return _of_several_widths(path, cells, names)
     if not names:
         return _of_rows(path, cells)
     headed = _with_header(path, cells, names[0])
@@ -222,6 +225,39 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) ->
     if unread := sum(any(NUMBER.fullmatch(cell.strip()) for cell in row) for row in above):
         notes += (f"rows with numbers stand above the header: {counted(unread, 'row')} not read",)
     return [table._replace(notes=(*notes, *table.notes)) for table in _of_rows(path, headed)]
+
+
+def _of_several_widths(path: Path, cells: _File, names: Sequence[Sequence[str]]) -> list[Found]:
+    """Tables of rows of different lengths; a row that only names a station or an image is part of those below it."""
+    above = [own for own in names if {"station", "image"} & {*own} and not kinds_of(named_columns(own))]
+    parts, notes = list[list[Found]](), list[str]()
+    for own in names:
+        rows = _of_width(cells, len(own))
+        if {*own} <= {"", "-"}:
+            notes.append(f"{counted(len(rows.rows), 'row')} of {len(own)} cells not used")
+        elif above and own is not above[0] and not {"station", "image"} & {*own}:
+            joined = _below(cells, len(above[0]), len(own))
+            parts.append(_of_rows(path, _with_header(path, joined, (*above[0], *own))))
+        elif own not in above or len(names) == 1:
+            parts.append(_of_rows(path, _with_header(path, rows, own)))
+    return [
+        t._replace(part=f"{t.kind}_{k}", tidied=True, notes=(*notes, *t.notes))
+        for k, part in enumerate(parts, 1)
+        for t in part
+    ]
+
+
+def _below(cells: _File, above: int, width: int) -> _File:
+    """The rows of one width, each behind the last row of the width ``above`` before it."""
+    rows, lines, last = list[tuple[str, ...]](), list[int](), ("",) * above
+    for row, line in zip(cells.rows, cells.lines, strict=True):
+        filled = tuple(filter(None, map(str.strip, row)))
+        if len(filled) == above:
+            last = filled
+        elif len(filled) == width:
+            rows.append((*last, *(_STARRED.sub(r"\1", cell) for cell in filled)))
+            lines.append(line)
+    return cells._replace(rows=tuple(rows), lines=tuple(lines))
 
 
 def _of_width(cells: _File, width: int) -> _File:
@@ -624,11 +660,11 @@ def _with_image_of_points(tables: Sequence[Found]) -> list[Found]:
     if not len(flat) == len(spatial) == 1 or {table.kind for table in tables} != {"points"}:
         return found
     image, known = tables[flat[0]].places(), tables[spatial[0]].places()
-    if len(image) < 3 or not image.keys() <= known.keys():
+    if 2 * len(shared := image.keys() & known.keys()) <= max(4, len(image)):
         return found
     extent = max(math.dist(one[:2], other[:2]) for one, other in pairwise(known.values()))
     # Coordinates of the same points differ by less than 5 % of their extent, however rough they are.
-    if not median(math.dist(known[name][:2], place) for name, place in image.items()) > 0.05 * extent:
+    if not median(math.dist(known[name][:2], place) for name, place in image.items() if name in shared) > 0.05 * extent:
         return found
     table = tables[flat[0]]
     columns = {"image": "image", "point": table.columns["id"]} | {axis: table.columns[axis] for axis in "xy"}

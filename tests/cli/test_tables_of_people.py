@@ -137,7 +137,7 @@ def test_texts_that_are_not_utf_8(text: str, encoding: str) -> None:
         ("t", "1 P1 10.2 20.3\n1 P2 11.2 -20.3\n", "2: P1, P2", "image,point,x,y"),
         ("t", "P1 10.25 20.5\nP2 30.5 20.5\n", "1: P1, P2", "id,x,y"),
         ("t", "1,A,B,20.4,73.7\n2,A,D,18.8,14.0\n3,D,B,9.8,1.5\n", "1: 1, 2, 3; 2: A, D", "-,from,to,distance,sigma"),
-        ("t", "2,1,3,319.51\n2,1,4,348.66\n", "4: 319.51, 348.66", "at,from,to,angle"),
+        ("t", "2,1,3,319.51\n2,1,4,348.66\n", "4: 319.51, 348.66", "from,at,to,angle"),
         ("dirs", "1,2,100.34\n2,1,66.55\n", "3: 100.34, 66.55", "station,to,horizontal"),
         ("t", "1,4,0.05,1\n4,2,1.05,2\n", "3: 0.05, 1.05", "from,to,dz,length"),
     ],
@@ -168,6 +168,70 @@ def test_rows_of_several_lengths_without_headers(tmp_path: Path) -> None:
     done = mor("adjust", tmp_path / "p.yaml", "--no-html")
     assert "n = 3, u = 1" in done.err
     assert "Global test REJECTED at the level 0.05: residuals are smaller" in done.err
+
+
+@pytest.mark.parametrize(
+    ("text", "likely"),
+    [
+        (
+            "7 3 0.005\nA 35.4\nB 45.7\n1 A C 8.22 4.0\n2 C B 2.06 2.0\n3 A B 10.28 2.0\n",
+            "id,z|-,-,-|-,from,to,dz,length",
+        ),
+        ("1 A B A.obs-B.obs -366.6 -252.4 72.1\n2 A C A.obs-C.obs -509.2 22.3 -426.4\n", "-,from,to,-,dx,dy,dz"),
+    ],
+)
+def test_proposed_columns_are_those_of_tables(tmp_path: Path, text: str, likely: str) -> None:
+    (tmp_path / "t.txt").write_text(text)
+    options = [word for names in likely.split("|") for word in ("--columns", "t.txt", names)]
+    assert mor("new", tmp_path / "p.yaml", tmp_path / "t.txt").err.rstrip().endswith(" ".join(options))
+    assert mor("new", tmp_path / "p.yaml", tmp_path / "t.txt", *options).code == 0
+
+
+def test_sights_below_rows_of_their_stations(tmp_path: Path) -> None:
+    """In two faces, the last one of a station with a star; the known points tell that x leads north."""
+    places = {"1": (1000.0, 5000.0), "2": (1080.0, 5060.0), "3": (1010.0, 5100.0), "4": (940.0, 5030.0)}
+    rows = []
+    for at, (north, east) in places.items():
+        rows.append(f"{at} 1.6")
+        for to in places.keys() - {at}:
+            d = places[to][0] - north, places[to][1] - east
+            turn = math.atan2(d[1], d[0]) * 200.0 / math.pi % 400.0
+            rows += [f"{to} 1.6 {turn:.4f} 100.0000 {math.hypot(*d):.3f}"]
+            rows += [f"{to} 1.6 {(turn + 200.0) % 400.0:.4f} 300.0000 {math.hypot(*d):.3f}"]
+        rows[-1] += "*"
+    (tmp_path / "t.dpi").write_text("\n".join(rows))
+    (tmp_path / "t.kor").write_text("".join(f"{name} {x} {y} 10.0\n" for name, (x, y) in places.items()))
+    likely = (
+        "--columns",
+        "t.dpi",
+        "station,from_height",
+        "--columns",
+        "t.dpi",
+        "to,to_height,horizontal,zenith,distance",
+    )
+    files = tmp_path / "p.yaml", tmp_path / "t.dpi", tmp_path / "t.kor", "--columns", "t.kor", "id,x,y,z"
+    assert " ".join(likely) in mor("new", *files).err
+    assert mor("new", *files, *likely, "--datum", "free").code == 0
+    assert "axes: {xy: ne}" in (tmp_path / "p.yaml").read_text()
+    done = mor("adjust", tmp_path / "p.yaml", "--no-html")
+    assert "n = 72" in done.err
+    assert "Converged" in done.err
+
+
+def test_image_points_below_rows_of_their_images(tmp_path: Path) -> None:
+    rows = "".join(f"{k} 0\n11 {k}.5 -7.25\n12 -3.5 {k}.75\n13 2.5 {k}.25\n-99 0\n" for k in (321, 322, 323))
+    (tmp_path / "t.dat").write_text(rows)
+    likely = ("--columns", "t.dat", "image,-", "--columns", "t.dat", "point,x,y")
+    assert " ".join(likely) in mor("new", tmp_path / "p.yaml", tmp_path / "t.dat").err
+    assert "t.dat: image, 9 rows" in mor("new", tmp_path / "p.yaml", tmp_path / "t.dat", *likely).err
+
+
+def test_names_tell_image_points_from_coordinates(tmp_path: Path) -> None:
+    (tmp_path / "p.txt").write_text("1 -20.5 13.25\n2 18.25 -10.75\n3 4.5 6.25\n4 -9.5 -8.75\n")
+    (tmp_path / "c.txt").write_text("4\n1 490.1 56.0 -12.3\n2 491.2 57.5 -8.1\n3 490.7 54.2 -4.3\n4 492.3 55.1 1.2\n")
+    begun = mor("new", tmp_path / "q.yaml", tmp_path / "p.txt", tmp_path / "c.txt")
+    assert "p.txt: no header: read as id, x, y, as names of points agree" in begun.err
+    assert "p.txt: image, 4 rows" in begun.err
 
 
 def test_coordinates_tell_the_columns_of_distances(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from mor.formats.colmap.model import (
     relative,
 )
 from mor.formats.draft import Draft, Row, parse_number, read_lines, usable
-from mor.formats.recognition import COLMAP_FILES
+from mor.formats.recognition import COLMAP_FILES, explain_unknown
 from mor.input_files import read_bytes
 from mor.model.rotations import angles_from_rotation
 from mor.project.document import Document
@@ -382,6 +382,8 @@ def read_colmap(path: Path) -> Document:
     """The project of a folder with a model, or of one of its files. Raises :class:`InputError` with every mistake."""
     draft = Draft(str(path))
     folder = path if path.is_dir() else path.parent
+    if folder is not path and path.stem not in COLMAP_FILES:
+        raise InputError([Message(explain_unknown(path), str(path))])
     model = read_model(folder, draft)
     _check(model, draft)
     if draft.problems:

@@ -59,6 +59,8 @@ def read_nikon(path: Path) -> Document:
 
 
 _NO_ANGLES = "all sights: angles of some of them are none in the unit that the head says"
+_CIRCLE_SET = re.compile(r"^TI +(?:HOLD|Hz=0)")
+"""Comments of a Trimble M3 when its circle was set."""
 _INSTRUMENT_HEIGHT = re.compile(r"\bih\s+([\d.]+)\s*m\b")
 _LETTERED = re.compile(r"[^\W\d_]+[-_ ]?(\d+)")
 _BEFORE_HEIGHT = {"F1": 0, "F2": 0, "SS": 0, "SO": 1, "CP": 1}
@@ -150,8 +152,11 @@ class _Nikon:
             self.state[known] = value.strip()
             self.book.angle = "gon" if "gon" in self.state["angle units"].lower() else "deg"
             return
-        if height and not self.book.set_ups:
-            self.book.unnamed_height = parse_number(height[1])
+        current = self.book.set_ups[-1] if self.book.set_ups else None
+        if height and (current is None or current.unnamed):
+            self.book.instrument_height(parse_number(height[1]), line)
+        elif _CIRCLE_SET.search(text) and current is not None and current.unnamed and current.used:
+            self.book.set_up("", line, current.height)
         if "resection" in text.lower():
             self.book.forget_waiting("sights of a resection that was started again")
             self.resection = line
