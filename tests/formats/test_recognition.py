@@ -136,7 +136,7 @@ def test_names_of_starnet_may_be_numbers(tmp_path: Path) -> None:
         (b"\xd0\xcf\x11\xe0\xa1\xb1", "a spreadsheet or document of Microsoft Office"),
         (b"(\xb5/\xfd", "a compressed file"),
         (
-            b"SQLite format 3\0\x10\0CREATE TABLE two_view_geometries (",
+            b"SQLite format 3\0\x10" + bytes(1 << 17) + b"CREATE TABLE two_view_geometries (",
             "a database of COLMAP without poses, whose model is to be exported",
         ),
         (b"SQLite format 3\0", "an SQLite database"),
@@ -187,6 +187,13 @@ def test_a_control_list_alone_has_its_points(tmp_path: Path) -> None:
     ]
     assert "3 image points of 2 images not read: the file has no cameras" in " ".join(map(str, document.notes))
     assert len(read_network(document, tmp_path).things["point"].ids) == 2
+
+
+def test_a_list_of_points_is_no_model_for_its_name_alone(tmp_path: Path) -> None:
+    (tmp_path / "points3D.txt").write_text("1.489 1.094 -5.896\n1.139 0.936 -5.628\n")
+    assert format_of(tmp_path / "points3D.txt") is None
+    (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.jpg\n10 20 7 30 40 7\n")
+    assert format_of(tmp_path / "points3D.txt") == "colmap"
 
 
 def test_a_control_list_beside_a_block_has_its_image_points(tmp_path: Path) -> None:

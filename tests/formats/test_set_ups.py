@@ -828,6 +828,26 @@ def test_a_target_height_of_nikon_holds_until_another_one(tmp_path: Path) -> Non
     assert [row["to_height"] for row in rows] == ["1.6", "1.6", "1.7"]
 
 
+def test_a_circle_of_a_trimble_m3_that_is_set_anew_is_another_set_up(tmp_path: Path) -> None:
+    """The book names no station, and a comment may give another height of the instrument before."""
+    lines = [
+        "CO,Nikon RAW data format V2.00",
+        "CO,Dist Units: Metres",
+        "CO,Angle Units: Gons",
+        "CO,TI  HOLD      Hz         0.0000 grd",
+        "CO,TI  INPUT     th          2.000 m    ih          1.500 m",
+        "SS,1,2.000,12.0,104.4,99.1,11:50:34,",
+        "CO,TI  INPUT     th          2.000 m    ih          1.480 m",
+        "CO,TI  HOLD      Hz         0.0000 grd",
+        "SS,2,2.000,13.0,76.8,97.3,11:29:01,",
+        "CO,TI  Hz=0      Hz         0.0000 grd",
+        "SS,3,2.000,14.0,98.3,97.3,11:07:01,",
+    ]
+    rows = _rows(_read(tmp_path, "m3.raw", "\n".join(lines)), "distance")
+    assert [(row["from"], row["to"]) for row in rows] == [("station 1", "1"), ("station 2", "2"), ("station 3", "3")]
+    assert [row["from_height"] for row in rows] == ["1.5", "1.48", "1.48"]
+
+
 def test_a_list_of_a_nikon_dtm_300(tmp_path: Path) -> None:
     """B lies 30 m from A and 4 m above it; P has mils and feet of its own, and Q was deleted."""
     zenith = 100.0 - atan2(4.0 + 1.8 - 1.5, 30.0) * 200.0 / pi
