@@ -496,7 +496,9 @@ def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     # Where half of the observations are farther off than the widest weights reach, there is nothing to leave out.
     if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > WIDEST:
         return from_far()._replace(robust=found.values)
-    first = _attempt(plain, found, settings, watch, from_far) or from_far()
+    first = _attempt(plain, found, settings, watch, from_far)
+    if first is None:
+        first = Attempt(plain) if plain.outcome is Outcome.CONVERGED else from_far()
     first = first._replace(robust=found.values)
     if not any(is_image_point(group.type) for group in plain.problem.groups):
         return first
