@@ -526,7 +526,8 @@ def _by_angles(header: tuple[str, ...], body: Cells, columns: Mapping[str, str])
     last = read.index(False, first) if False in read[first:] else len(read)
     named = named[max(first - 1, 0) : last + 1]  # a point without readings may begin and end it
     far = [cell_at(row, distance) for row in named]
-    if not far[min(1, first)] and far[last - max(first - 1, 0) - 1]:  # distances stand beside the point that they reach
+    # Distances may stand beside the point that they reach.
+    if len(far) > 1 and not far[min(1, first)] and far[last - max(first - 1, 0) - 1]:
         far = [*far[1:], ""]
     if len(named) > 2 and cell_at(named[-1], point) == cell_at(named[0], point) and not far[-1]:
         named = named[:-1]
