@@ -33,7 +33,9 @@ def main() -> None:
                 signal.signal(number, _interrupt)
         sys.unraisablehook = _unraisable
         _heed_warnings()
-        gc.set_threshold(_OBJECTS)
+        # New objects after which Python looks for circles of garbage, in place of 700: loading modules makes none. With
+        # :func:`gc.freeze` at the end it saves a sixth of the time of the smallest network.
+        gc.set_threshold(200_000)
         for name, value in _ENVIRONMENT.items():
             os.environ.setdefault(name, value)
         sys.meta_path.insert(0, _WhenUsed)
@@ -90,12 +92,6 @@ _ENVIRONMENT = {
     "OPENBLAS_THREAD_TIMEOUT": "20",
 }
 
-_OBJECTS = 200_000
-"""New objects after which Python looks for circles of garbage, in place of 700: loading modules makes none.
-
-With :func:`gc.freeze` at the end it saves a sixth of the time of the smallest network.
-"""
-
 
 class _WhenUsed:
     """Finds what is to be loaded by its first use: SciPy's array interface asks for all that is in numpy.
@@ -123,7 +119,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     There a lock is held that other threads wait for, and what is raised between taking it and the ``try`` after it, or
     in a callback, leaves it taken for ever.
     """
-    if frame is not None and frame.f_code.co_filename == _LOADING and hasattr(signal, "setitimer"):
+    loading = "<frozen importlib._bootstrap>"
+    if frame is not None and frame.f_code.co_filename == loading and hasattr(signal, "setitimer"):
         _interrupt_later(number)
         return
     if number != signal.SIGINT:  # Ctrl-C may be pressed again
@@ -150,7 +147,6 @@ def _unraisable(lost: sys.UnraisableHookArgs) -> None:
 
 _CAME: list[int] = []
 """Signals that have interrupted this run."""
-_LOADING = "<frozen importlib._bootstrap>"
 _A_MOMENT = 1e-3
 """Seconds."""
 

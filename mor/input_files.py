@@ -33,7 +33,6 @@ _MB = 1_000_000
 _PART = 1 << 22
 """Bytes that are unpacked together."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
-_HIGH = 0x80
 CODE_PAGES = {
     "gb18030": "Chinese",
     "cp1251": "Windows, Cyrillic",
@@ -254,7 +253,7 @@ def _is_chinese(content: bytes) -> bool:
 
 def _is_cyrillic(content: bytes) -> bool:
     """Words in Cyrillic are of high bytes throughout; in Western languages most of these stand alone."""
-    high = [byte >= _HIGH for byte in content]
+    high = [byte >= 0x80 for byte in content]
     pairs = sum(a and b for a, b in pairwise(high))
     return 2 * pairs > sum(high)
 

@@ -101,7 +101,6 @@ def _cell(value: object) -> str:
 # ---- Results opened again: a project solved where it stands, in its datum or in another one.
 
 ADJUSTED = "adjusted.yaml"
-REFERENCE = "reference.csv"
 
 
 def reopen(path: Path) -> Project:
@@ -113,7 +112,7 @@ def reopen(path: Path) -> Project:
     if path.is_dir() and not file.is_file():
         raise InputError([Message(f"no {ADJUSTED} in this folder; expected the results of mor adjust", str(path))])
     project = read(file)
-    reference = path / REFERENCE
+    reference = path / "reference.csv"
     if not path.is_dir() or not reference.is_file():
         return project
     note_input(reference)

@@ -124,16 +124,14 @@ def run(arguments: Sequence[str] | None = None, signals: Sequence[int] = ()) -> 
         return ExitCode.INPUT
     except MemoryError as error:
         what = f" ({error})" if str(error) else ""
-        tell(f"not enough memory{what}; nothing was written. {OUT_OF_MEMORY}", language)
+        out_of_memory = (
+            "Use --no-html and --tables worst, adjust fewer observations at a time, or use a machine with more memory."
+        )
+        tell(f"not enough memory{what}; nothing was written. {out_of_memory}", language)
         return ExitCode.MEMORY
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _interrupted(128 + signals[-1], language) if signals else _internal(error, language)
     return int(result) if isinstance(result, int) else ExitCode.DONE
-
-
-OUT_OF_MEMORY = (
-    "Use --no-html and --tables worst, adjust fewer observations at a time, or use a machine with more memory."
-)
 
 
 def _tell(error: MorError, language: str) -> None:

@@ -190,11 +190,6 @@ def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:
 
 # ---- An image block as AICON 3D Studio's flat files: millimetres, radians, image coordinates in mm.
 
-_TOLD = (
-    "the files do not say which interior parameters are free, and no σ of image coordinates for the adjustment: "
-    "those of the project stand in the columns of target measurement (.phc)"
-)
-
 
 def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     """The five files. Raises :class:`InputError` for cameras, names and poses that they cannot say."""
@@ -239,7 +234,11 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     for count, what in ((partly, "point with control in some components only"), (lost, "distance with heights")):
         if count:
             notes.append(Message(f"{counted(count, what)}: as if there were none", str(stem)))
-    notes.append(Message(_TOLD, str(stem)))
+    told = (
+        "the files do not say which interior parameters are free, and no σ of image coordinates for the adjustment: "
+        "those of the project stand in the columns of target measurement (.phc)"
+    )
+    notes.append(Message(told, str(stem)))
     texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
     return Written(texts, notes)
 

@@ -73,13 +73,6 @@ _IN_FRAMES = {
     "distance": ("from", "to", "distance", "to_height", "sigma"),
 }
 _ROOT = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
-_SETTING = re.compile(
-    r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
-    r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
-)
-_VERSION = re.compile(r'"COMP3D_VERSION"\s*:\s*"[^"]*?v(\d+)\.(\d+)')
-_SPATIAL = (5, 23)
-"""The first version in which σ of a horizontal angle depends on the spatial distance."""
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _ON_A_SPHERE = {8: "azimuths (8)"} | {code: f"differences of plan coordinates ({code})" for code in (9, 14, 15)}
 """Codes that a project in a projection cannot have here: their north is that of the project's centre."""
@@ -98,9 +91,14 @@ def read_comp3d(path: Path) -> Document:
     project = path if path.suffix.lower() == ".comp" else _project_beside(path, draft)
     if project is not None:
         text = "\n".join(read_lines(project, draft))
-        settings = dict(_SETTING.findall(text))
-        version = _VERSION.search(text)
-        reader.horizontal = version is not None and (int(version[1]), int(version[2])) < _SPATIAL
+        setting = re.compile(
+            r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
+            r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
+        )
+        settings = dict(setting.findall(text))
+        version = re.search(r'"COMP3D_VERSION"\s*:\s*"[^"]*?v(\d+)\.(\d+)', text)
+        # The first version in which σ of a horizontal angle depends on the spatial distance.
+        reader.horizontal = version is not None and (int(version[1]), int(version[2])) < (5, 23)
         try:
             files = _named_files(project, text)
             reader.settings(settings)

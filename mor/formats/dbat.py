@@ -22,10 +22,6 @@ _MODELS = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown
 """mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity."""
 _AFFINE = ("3", "4", "5")
 _UNITS = ("mm", "um", "m")
-_KNOWN = (
-    *("id", "name", "unit", "sensor", "image", "aspect", "nK", "nP", "focal", "model"),
-    *("cc", "pp", "K", "P", "skew", "all", "calibrated", "c"),
-)
 
 
 class LineReference(NamedTuple):
@@ -103,7 +99,10 @@ def put_cameras(elements: list[tuple[Element, str]], initial: dict[str, Element]
         own = {child.name: child for child in element.children}
         name = own["id"].text.strip() if "id" in own else str(len(cameras) + 1)
         for child in element.children:
-            if child.name not in _KNOWN:
+            if child.name not in (
+                *("id", "name", "unit", "sensor", "image", "aspect", "nK", "nP", "focal", "model"),
+                *("cc", "pp", "K", "P", "skew", "all", "calibrated", "c"),
+            ):
                 draft.note(f"<{child.name}> of camera {name} is not read", child.line, file)
         if name in cameras:
             draft.problem(f"camera {name!r} is there already", element.line, file)

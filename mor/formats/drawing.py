@@ -205,9 +205,6 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
 
 # ---- DXF: points, names, projection centres, observed lines and error ellipses, each on a layer of its own.
 
-LAYERS = {"points": 7, "names": 7, "images": 5, "observations": 8, "ellipses": 1}
-"""Layers and their colours (AutoCAD colour index)."""
-
 
 def write_dxf(document: Document, folder: Path, target: Path) -> Written:
     """A drawing in metres. Raises :class:`InputError`, also where ezdxf, of the extra ``formats``, is missing."""
@@ -219,7 +216,8 @@ def write_dxf(document: Document, folder: Path, target: Path) -> Written:
     shown = drawing_in_metres(document, folder)
     sheet = new("R2010", setup=False)
     sheet.header["$INSUNITS"] = 6
-    for name, colour in LAYERS.items():
+    # Layers and their colours (AutoCAD colour index).
+    for name, colour in {"points": 7, "names": 7, "images": 5, "observations": 8, "ellipses": 1}.items():
         sheet.layers.add(name, color=colour)
     space = sheet.modelspace()
     extent = float(np.ptp(shown.xyz[:, :2], axis=0).max()) or 1.0

@@ -141,8 +141,6 @@ _OFF, _RIG, _UNSEEN = (
 """Why images are not read."""
 SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
 """σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
-COS_PHI = 0.01
-"""Images that look along the x axis more closely than 0.6° have no ω and κ that can be observed."""
 
 
 @dataclass
@@ -526,7 +524,8 @@ def _attitudes(
             angles = _reference_angles(given)
             enabled = given.attributes.get("rotation_enabled", given.attributes.get("enabled", "true"))
             number = camera.attributes.get("id", "")
-            if angles is None or number not in known or enabled not in ("true", "1") or np.cos(angles[1]) < COS_PHI:
+            # Images that look along the x axis more closely than 0.6° have no ω and κ that can be observed.
+            if angles is None or number not in known or enabled not in ("true", "1") or np.cos(angles[1]) < 0.01:
                 continue
             J = angles_by_tangent(angles)
             sigmas = sigma * np.sqrt((J**2).sum(axis=1))

@@ -560,7 +560,6 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
 # Source: project files beside the listings that STAR*NET 13 wrote of them. A data file with an odd number is switched
 # on; σ of levels is in m on the square root of a metre. STAR*NET's coefficient of refraction is half of mor's.
 
-_GRIDS = {"NEWBRUNSWICK83": "EPSG:2953", **{f"UTM83-{zone}": f"EPSG:{26900 + zone}" for zone in range(1, 24)}}
 _LENGTHS = {"METERS": 1.0, "FEET": 0.3048, "FEETUS": 1200.0 / 3937.0}
 _STD_ERR = {"angle": "angle", "direction": "direction", "azimuth": "bearing", "zenith": "zenith"}
 _STD_ERR |= {"distance": "distance", "delta_elev": "height"}
@@ -597,7 +596,8 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
     network.deflection = (options.get("vert_defl_north", "0"), options.get("vert_defl_east", "0"))
     if options.get("local_or_grid_adjustment") == "1":
         name = options.get("coordinate_system_name", "")
-        network.crs = _GRIDS.get(name.upper().replace("/CSRS", "").removesuffix("N"), "")
+        grids = {"NEWBRUNSWICK83": "EPSG:2953", **{f"UTM83-{zone}": f"EPSG:{26900 + zone}" for zone in range(1, 24)}}
+        network.crs = grids.get(name.upper().replace("/CSRS", "").removesuffix("N"), "")
         if not network.crs:
             raise ValueError(f"found the coordinate system {name!r}, expected a zone of UTM83, or a local system")
     for found in instruments:
@@ -963,9 +963,6 @@ _CODES: dict[str, Callable[[DataLine, StarNetContext], None]] = {
 """What reads the lines of each code."""
 
 
-_IN_PROJECTION = {"bearing": "projected_bearing", "horizontal_distance": "height_reduced_distance"}
-
-
 def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     draft = network.draft
     draft.put("title", title)
@@ -982,7 +979,7 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
         network.put_points(columns, rows)
     if network.crs and network.refraction:
         draft.put("instruments", {"starnet": {"refraction": repr(network.refraction)}})
-    on_grid = _IN_PROJECTION if network.crs else {}
+    on_grid = {"bearing": "projected_bearing", "horizontal_distance": "height_reduced_distance"} if network.crs else {}
     for (type_, instrument, file), found in network.tables.items():
         if on_earth and type_ == "bearing" and not network.crs:
             for row in found:

@@ -17,7 +17,6 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 # ---- Sections of a textbook network file: their headers with units, and their lines without comments.
 
-_HEADER = re.compile(r"^\s*\[\s*([^,\]]+?)\s*(?:,\s*([^,\]]*?)\s*)?(?:,\s*([^,\]]*?)\s*)?\]\s*$")
 _SHORT_UNITS = {"s": "arcsec", '"': "arcsec", "°": "deg"}
 _OTHER_NAMES = {
     "quelle": "Source",
@@ -79,7 +78,8 @@ def read_sections(text: str, draft: Draft) -> list[TextSection]:
 
 
 def _section(whole: str, number: int, draft: Draft) -> TextSection:
-    match = _HEADER.match(_COMMENT.split(whole, maxsplit=1)[0])
+    header = re.compile(r"^\s*\[\s*([^,\]]+?)\s*(?:,\s*([^,\]]*?)\s*)?(?:,\s*([^,\]]*?)\s*)?\]\s*$")
+    match = header.match(_COMMENT.split(whole, maxsplit=1)[0])
     if match is None:
         draft.problem(f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number)
         return TextSection("Graphics", "", "", number)

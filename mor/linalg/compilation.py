@@ -44,7 +44,6 @@ ASKED = "MOR_KERNELS"
 MISSING = "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
 COMPILING = "compiling the kernels, which takes some minutes, once only"
 FAILED = "the compiled kernels cannot be used; NumPy gives the same results but is slower: {reason}"
-DAMAGED = "the cache of kernels is damaged, mor compile renews it: {file}"
 
 # Sums may be reordered and multiply-adds fused, so that inner products use vector registers; infinities and
 # not-a-numbers keep their meaning, unlike under numba's unrestricted ``fastmath=True``.
@@ -147,7 +146,7 @@ def _decided(observations: int, times: int) -> bool:
                 folder = _folder()
                 for name, checksum in json.loads((folder / _SEAL).read_text()).items():
                     if _checksum(folder / name) != checksum:
-                        raise _UnusableError(DAMAGED.format(file=folder / name))
+                        raise _UnusableError(f"the cache of kernels is damaged, mor compile renews it: {folder / name}")
                 with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
                     os.utime(folder)
                 for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):

@@ -148,8 +148,6 @@ OBSERVED_DIFFERENCES = {kind.key: observed_difference(kind) for kind in KINDS.va
 # the frame of its leading image, its base b* (else 0). Every type that takes positions gets a twin that takes
 # projection centres.
 
-_ARM = (("rotation", "rotation"), ("eccentricity", "eccentricity"), ("base", "base"))
-
 
 def to_projection_centres(type_: ObservationType) -> ObservationType:
     """The twin of a type whose positions may be projection centres.
@@ -160,7 +158,8 @@ def to_projection_centres(type_: ObservationType) -> ObservationType:
     ends = [reference.name for reference in type_.references if reference.among == POSITIONS]
     at = {end: _slot_of(type_, end, "position") for end in ends}
     low = [end for end in ends if _slot_of(type_, end, "height") < 0]
-    extra = [Slot(kind, end, part) for end in ends for kind, part in _ARM]
+    arm = (("rotation", "rotation"), ("eccentricity", "eccentricity"), ("base", "base"))
+    extra = [Slot(kind, end, part) for end in ends for kind, part in arm]
     extra += [Slot("height", end, "height") for end in low]
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:

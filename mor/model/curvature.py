@@ -40,7 +40,6 @@ _ABOUT_VERTICAL = (
     "angle",
     "spatial_angle",
 )
-_CARTESIAN = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
 _IMAGES = ("image/", "follower/")
 """What the keys of image coordinates begin with."""
 
@@ -52,7 +51,8 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
     ``metres`` per unit of length: the default of the constant ``earth radius``, which is in metres, becomes that of
     the sphere, so that the coefficient of refraction refers to it.
     """
-    if type_.key not in (*_ABOUT_VERTICAL, *_CARTESIAN) and not type_.key.startswith(_IMAGES):
+    cartesian = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
+    if type_.key not in (*_ABOUT_VERTICAL, *cartesian) and not type_.key.startswith(_IMAGES):
         return type_
     ends = ends_of(type_)
     levelled, arc = type_.key in _ABOUT_VERTICAL, type_.key == "horizontal_distance"

@@ -71,12 +71,6 @@ def ends_of(type_: ObservationType) -> tuple[End, ...]:
 # The chord c joins the feet of both marks on the ellipsoid. The arc above it is that of the circle with
 # Euler's radius R in the azimuth of the line at its middle, s = 2R asin(c / 2R).
 
-_SLOTS = (
-    Slot("point", "from", "position"),
-    Slot("point", "to", "position"),
-    Slot("distance meter", "instrument", "distance meter"),
-)
-
 
 class Reduced(NamedTuple):
     """A length (n,) with its derivatives (n, 3) by both ends."""
@@ -173,7 +167,11 @@ def _type(
         drawn="distance",
         components=(Component("distance", LENGTH),),
         references=FROM_TO,
-        slots=_SLOTS,
+        slots=(
+            Slot("point", "from", "position"),
+            Slot("point", "to", "position"),
+            Slot("distance meter", "instrument", "distance meter"),
+        ),
         equation=equation,
         constants=constants,
         distances=("from", "to"),
@@ -595,11 +593,6 @@ def is_open(type_: ObservationType) -> bool:
 
 CONVERGENCE = Component("convergence", ANGLE)
 """Constant of a row: the direction of grid north, clockwise from true north; NaN: that at the image."""
-_ATTITUDE_SLOTS = (
-    Slot("point", "image", "position"),
-    Slot("rotation", "image", "rotation"),
-    Slot("rotation", "instrument", "boresight"),
-)
 Reading = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From D′ (n, 3, 3) to its three angles (n, 3), and their derivatives (n, 3, 3) by a small rotation."""
 
@@ -679,7 +672,11 @@ def _attitude(key: str, names: Sequence[str], equation: Attitude, constants: tup
         key=key,
         components=tuple(Component(name, ANGLE) for name in names),
         references=(Reference("image", ("image",)),),
-        slots=_ATTITUDE_SLOTS,
+        slots=(
+            Slot("point", "image", "position"),
+            Slot("rotation", "image", "rotation"),
+            Slot("rotation", "instrument", "boresight"),
+        ),
         equation=equation,
         constants=constants,
     )

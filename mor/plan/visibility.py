@@ -34,7 +34,6 @@ from mor.units import ANGLE, IMAGE, LENGTH, Quantity
 # ---- Which way is up, and where coordinates lie: everywhere the same, or on the earth that of the place.
 
 GEOGRAPHIC = "on the earth a surface has its corners in a projection or geocentric, or by names of points"
-NO_GEOID = "corners above the geoid need its grid (world: {geoid: FILE}), or names of points"
 
 
 def local_axes(reading: Reading, positions: FloatArray) -> FloatArray:
@@ -65,7 +64,7 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
     if world.orthometric:
         N = world.geoid_at(np.full(len(coordinates), -1), world.to_object(coordinates, N))
         if np.isnan(N).any():
-            raise ValueError(NO_GEOID)
+            raise ValueError("corners above the geoid need its grid (world: {geoid: FILE}), or names of points")
     return np.asarray(world.to_object(coordinates, N) @ reading.edge.matrix)
 
 
@@ -456,16 +455,16 @@ def instruments(reading: Reading, start: Start, space: str, numbers: IntArray, h
 # ---- A project whose planned observations say what is visible, with the rows of all that is.
 
 _SECTIONS = ("observations", "candidates")
-_BETWEEN_FEET = ("ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance")
-"""Types of the earth that somebody has reduced: no sight leads along them."""
 
 
 def sights(reading: Reading) -> dict[str, ObservationType]:
     """Types of observations that are made along a line of sight between two places."""
+    # Types of the earth that somebody has reduced: no sight leads along them.
+    between_feet = ("ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance")
     return {
         key: type_
         for key, type_ in {**reading.types, "image": IMAGE_TYPES["mor"]}.items()
-        if len(type_.references) == 2 and not type_.between_marks and key not in _BETWEEN_FEET
+        if len(type_.references) == 2 and not type_.between_marks and key not in between_feet
     }
 
 

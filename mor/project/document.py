@@ -311,14 +311,13 @@ def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
 
 # ---- Plain data of a project as YAML text: numbers as numbers, identifiers as texts, short lists in one line.
 
-IDENTIFIERS = frozenset(
+# Columns of names, which stay texts whatever they look like.
+_TEXTS = frozenset(
     (
         *("id", "camera", "position", "point", "leader", "pair", "set", "of", "from", "to", "at", "station", "image"),
         *("system", "frame", "component", "shared_height", "shared_eccentricity"),
     )
-)
-"""Columns of names, which stay texts whatever they look like."""
-_TEXTS = IDENTIFIERS | {"title", "name", "group", "file", "columns", "instrument", "cluster", "points", "other"}
+) | {"title", "name", "group", "file", "columns", "instrument", "cluster", "points", "other"}
 _YAML_NUMBER = re.compile(r"[-+]?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?")
 
 

@@ -271,16 +271,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
 # defect.
 
-_LEVELLED = {"directions", "zenith_directions", "zenith_angle", "vertical_direction", "angle", "horizontal_distance"}
 _HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
-_TURNED = {
-    "gnss_vector",
-    "azimuth",
-    "astronomic_azimuth",
-    "projected_bearing",
-    "projected_attitude",
-    "navigation_attitude",
-}
 _KAPPA = 2
 _LIES = (
     "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
@@ -302,7 +293,8 @@ def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], fr
     ``free``: of a network that is not, and in which nothing is held, the defect is told later.
     """
     kinds = {group.type.key for group in groups}
-    if reading.world is None or not kinds & _LEVELLED:
+    levelled = {"directions", "zenith_directions", "zenith_angle", "vertical_direction", "angle", "horizontal_distance"}
+    if reading.world is None or not kinds & levelled:
         return
     held = _places_held(reading, groups)
     if not _turn_is_held(reading, groups) and (held == 1 or (held == 0 and free)):
@@ -325,7 +317,15 @@ def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
 
 
 def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
-    if any(group.type.key in _TURNED for group in groups):
+    turned = {
+        "gnss_vector",
+        "azimuth",
+        "astronomic_azimuth",
+        "projected_bearing",
+        "projected_attitude",
+        "navigation_attitude",
+    }
+    if any(group.type.key in turned for group in groups):
         return True
     if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):
         return True

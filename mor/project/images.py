@@ -288,7 +288,6 @@ def read_images(reading: Reading) -> None:
 
 _MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
 _POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names, *IMAGE_VELOCITY.names, *ROTATION_RATE.names)
-_SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
 
 
 def _images_of_table(
@@ -356,9 +355,10 @@ def _own_poses(
     """
     names = rows.text("id")
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    shared = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
     for i in np.flatnonzero(follows).tolist():
         given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
-        if given or any(rows.text(name)[i] for name in _SHARED):
+        if given or any(rows.text(name)[i] for name in shared):
             rows.tell(i, f"image {names[i]!r} follows another one: it has no position or attitude of its own")
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
     eccentricity = eccentricity.copy()

@@ -435,27 +435,24 @@ class Network:
         return sum(int(np.count_nonzero(group.mask)) for group in self.groups)
 
 
-_READERS = {
-    "camera": read_cameras,
-    "instrument": read_instruments,
-    "point": read_points,
-    "motion": read_motions,
-    "pair": read_pairs,
-    "trajectory": read_trajectories,
-    "image": read_images,
-    "station": read_stations,
-    "system": read_systems,
-}
-"""Readers of the namespaces; each may refer to those before it."""
-
-
 def read_things(
     project: ProjectFile, document: Document, folder: Path, read: TableWatcher = ignore_table, planned: bool = False
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
     reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), read, planned=planned)
-    for space, reader in _READERS.items():
+    # Readers of the namespaces; each may refer to those before it.
+    for space, reader in {
+        "camera": read_cameras,
+        "instrument": read_instruments,
+        "point": read_points,
+        "motion": read_motions,
+        "pair": read_pairs,
+        "trajectory": read_trajectories,
+        "image": read_images,
+        "station": read_stations,
+        "system": read_systems,
+    }.items():
         before = len(reading.problems)
         reader(reading)
         if len(reading.problems) > before:

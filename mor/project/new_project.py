@@ -33,16 +33,12 @@ from mor.units import LENGTH_UNITS
 
 _DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
 _CIRCLES = {"gon": 400.0, "deg": 360.0}
-_WAYS = tuple(product(_CIRCLES, (1, -1)))
 _AGREES = 0.5
 """Part of the misfit in the other unit or sense that angles in theirs have at most."""
 _VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
 """Types with a vertical circle, where a table has its readings."""
-_VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
 _PLANE = {"angle", "bearing", "directions", "horizontal_distance"}
 """Types without heights."""
-_FINEST = 1e-4
-"""Standard deviation in degrees or gon below that of any theodolite."""
 
 
 class CameraSettings(NamedTuple):
@@ -97,6 +93,7 @@ def begin(
     held = ("x", "y") if levelled else ("z",) if is_flat else ()
     circles = _circles(tables)
     guessed = circles.unit if not units[1] else None
+    vertical_columns = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
     content = {
         "name": target.name,
         "title": _quoted(title),
@@ -104,7 +101,7 @@ def begin(
         "angle": units[1] or guessed or "gon",
         "angle_guessed": guessed is not None,
         "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
-        "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
+        "zenith": any(t.kind in _VERTICAL and not vertical_columns.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner, seen) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(
@@ -227,7 +224,8 @@ def _circles(tables: Sequence[Found]) -> _Circles:
         for name, x, y in zip(*map(table.texts, ("id", "x", "y")), strict=False)
         if NUMBER.fullmatch(x) and NUMBER.fullmatch(y)
     }
-    off = {(unit, sense): [_misfit(table, places, _CIRCLES[unit], sense) for table in tables] for unit, sense in _WAYS}
+    ways = tuple(product(_CIRCLES, (1, -1)))
+    off = {(unit, sense): [_misfit(table, places, _CIRCLES[unit], sense) for table in tables] for unit, sense in ways}
     best = {way: min((size for size in sizes if size is not None), default=1.0) for way, sizes in off.items()}
     for name, full in _CIRCLES.items():
         sums = [abs((total / full * 2.0 + 0.5) % 1.0 - 0.5) for table in bare for total in _traversed(table)]
@@ -355,7 +353,8 @@ def _units_of_precision(table: Found) -> dict[str, str]:
     stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]
     sizes = [math.sqrt(abs(variance)) for variance in variances]
     sizes += [value for name in stated for value in table.numbers(name)]
-    is_fine = is_angle and 0.0 < median(sizes or [0.0]) < _FINEST
+    # Standard deviation in degrees or gon below that of any theodolite.
+    is_fine = is_angle and 0.0 < median(sizes or [0.0]) < 1e-4
     if not sizes or (median(sizes) < DECIMETRE and not is_fine):
         return {}
     stated += [name for name in table.columns if name.startswith("cov_")]

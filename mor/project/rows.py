@@ -464,13 +464,6 @@ TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR = "temperature", "pressure", "humidity",
 AIR = (TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR)
 """Columns of the air: °C, hPa, %, hPa."""
 _ZERO = 273.15
-_LIMITS = {
-    TEMPERATURE: (-90.0, 60.0, "°C"),
-    PRESSURE: (300.0, 1100.0, "hPa"),
-    HUMIDITY: (0.0, 100.0, "%"),
-    VAPOUR: (0.0, 100.0, "hPa"),
-}
-"""What is found on the earth; beyond it the unit is another one."""
 
 
 class Air(NamedTuple):
@@ -510,7 +503,13 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
         return given
     constants = _constants(reading, entry, place)
     before = len(reading.problems)
-    for name, (least, most, unit) in _LIMITS.items():
+    # What is found on the earth; beyond it the unit is another one.
+    for name, (least, most, unit) in {
+        TEMPERATURE: (-90.0, 60.0, "°C"),
+        PRESSURE: (300.0, 1100.0, "hPa"),
+        HUMIDITY: (0.0, 100.0, "%"),
+        VAPOUR: (0.0, 100.0, "hPa"),
+    }.items():
         words = f"{name}: expected a value between {least:g} and {most:g} {unit}"
         rows.tell_where((found[name] < least) | (found[name] > most), words)
     lost = np.isnan(found[TEMPERATURE]) | np.isnan(found[PRESSURE])
@@ -557,9 +556,6 @@ _SHORTEST, _LONGEST = 0.36, 2.0
 
 # ---- What is observed of one thing alone, and is fixed there: it would be counted with r = 1, and says nothing.
 
-_ANYWHERE = 0.5
-"""Stands for a value that is not known yet: what an equation depends on, it depends on at nearly every place."""
-
 
 def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
     """Tell observed coordinates and levels that depend on nothing but fixed components.
@@ -573,7 +569,9 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
         places, tangents, free = [], [], []
         for slot, blocks in group.blocks_by_slot:
             store = reading.shop.store(slot.kind)
-            values = np.nan_to_num(store.all_values()[blocks], nan=_ANYWHERE)
+            # Stands for a value that is not known yet: what an equation depends on, it depends on at nearly every
+            # place.
+            values = np.nan_to_num(store.all_values()[blocks], nan=0.5)
             free.append(store.all_free()[blocks])
             if store.kind.is_rotation:
                 about_axes = np.isin(blocks, list(store.about_axes))[:, None, None]

@@ -69,14 +69,14 @@ OBSERVATIONS = (
     *("r", "nabla", "external"),
 )
 """Columns of the table of planned observations."""
-_OF_MEASUREMENT = (
-    *("iterations", "iteration_log", "kernels", "global_test", "flagged", "sigma0", "critical_w", "schema"),
-)
 
 
 def design_data(solved: Solved, judged: Sequence[RequirementResult], of: RunIdentity) -> dict[str, Any]:
     """Return the expected precision of a plan; nothing in it depends on measured values."""
-    about = {key: value for key, value in summary(solved).items() if key not in _OF_MEASUREMENT}
+    of_measurement = (
+        *("iterations", "iteration_log", "kernels", "global_test", "flagged", "sigma0", "critical_w", "schema"),
+    )
+    about = {key: value for key, value in summary(solved).items() if key not in of_measurement}
     about["schema_version"] = SCHEMA_VERSION
     data: dict[str, Any] = {"schema": SCHEMA, **about, "plan": True}
     data["require"] = [requirement_row(one, solved) for one in judged]
@@ -280,12 +280,6 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
 
 SHOWN = 10
 """Observations of each kind that the text names."""
-_SCHEMA = {
-    **dict.fromkeys(("kind", "type", "group", "at", "from", "to"), pl.String),
-    **dict.fromkeys(("rank", "measurements"), pl.Int64),
-    **dict.fromkeys(("shortfall", "rms_sigma", "largest_sigma_ratio", "smallest_r"), pl.Float64),
-    "possible": pl.Boolean,
-}
 
 
 def now_row(now: PlanMeasures, network: Network) -> dict[str, Any]:
@@ -309,7 +303,13 @@ def ranking_table(
         *(_row(network, "add", k, one, one.unit.cost, texts) for k, one in enumerate(candidates, start=1)),
         *(_row(network, "greedy", k, one.ranked, one.measurements, texts) for k, one in enumerate(steps, 1)),
     ]
-    return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
+    schema = {
+        **dict.fromkeys(("kind", "type", "group", "at", "from", "to"), pl.String),
+        **dict.fromkeys(("rank", "measurements"), pl.Int64),
+        **dict.fromkeys(("shortfall", "rms_sigma", "largest_sigma_ratio", "smallest_r"), pl.Float64),
+        "possible": pl.Boolean,
+    }
+    return pl.DataFrame(rows, schema=schema, orient="row")
 
 
 def _row(

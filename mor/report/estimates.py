@@ -539,14 +539,6 @@ def _row(thing: UndeterminedObject) -> dict[str, Any]:
 
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
 
-FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
-    **dict.fromkeys(("id", "type", "part"), pl.String),
-    **dict.fromkeys(("dx", "dy", "dz", "sd", "distance", "x", "y", "z", "sx", "sy", "sz"), pl.Float64),
-    **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
-    "points": pl.Int64,
-    "rms": pl.Float64,
-    "form": pl.Float64,
-}
 _X, _Z = np.eye(3)[[0, 2]]
 
 
@@ -560,7 +552,15 @@ def feature_table(solved: Solved) -> pl.DataFrame:
     the points and ``form`` the largest residual minus the smallest. Sizes are null if a feature has none.
     """
     rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
-    return pl.DataFrame(rows, schema=FEATURE_SCHEMA)
+    feature_schema = {
+        **dict.fromkeys(("id", "type", "part"), pl.String),
+        **dict.fromkeys(("dx", "dy", "dz", "sd", "distance", "x", "y", "z", "sx", "sy", "sz"), pl.Float64),
+        **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
+        "points": pl.Int64,
+        "rms": pl.Float64,
+        "form": pl.Float64,
+    }
+    return pl.DataFrame(rows, schema=feature_schema)
 
 
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:

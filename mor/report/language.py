@@ -29,8 +29,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 
 _VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
 """A name in quotes, whatever is in it, or as little as can be."""
-WORD = "w"
-"""Marks a place whose single word is looked up, too: {:w}."""
 NAMES = "n"
 """Marks a place whose value stays as it is: {:n}."""
 
@@ -138,6 +136,8 @@ class Sentences:
 
     def _filled(self, sentence: Sentence, values: Mapping[str, str], depth: int) -> str:
         written = []
+        # Marks a place whose single word is looked up, too: {:w}.
+        word = "w"
         for part in parts(sentence.other):
             written.append(part.fixed)
             if part.place is None:
@@ -147,7 +147,7 @@ class Sentences:
                 written.append(value)
             elif "|" in part.words:
                 written.append(format(Placeholder(value.split(" ", 1)[0]), part.words))
-            elif part.words == WORD or " " in value:
+            elif part.words == word or " " in value:
                 written.append(self._said(value, depth))
             else:
                 written.append(value)
@@ -202,19 +202,6 @@ class Words:
 ENGLISH = Words("en")
 
 
-_CATALOGUES = {
-    "report": (),
-    "orientation": ("orientation",),
-    "start values": ("orientation", "start_values"),
-    "planning": ("planning",),
-    "page": ("page",),
-    "messages": ("orientation", "start_values", "planning", "page", "messages", "formats", "help"),
-}
-"""Catalogues of each kind of text besides those of the report; a short term may mean something else in another."""
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast where PyYAML has its C part
-_DECIMALS = {"de": ","}
-
-
 def words_of(language: str, of: str = "report") -> Words:
     """Words of a kind of text (report, page, planning, …) in a language, ``en`` or ``de``; ``KeyError`` for others.
 
@@ -222,7 +209,7 @@ def words_of(language: str, of: str = "report") -> Words:
     """
     if language == "en":
         return ENGLISH
-    decimal = _DECIMALS[language]
+    decimal = {"de": ","}[language]
     return Words(language, _catalogue(language, of), "." if of == "page" else decimal)
 
 
@@ -235,9 +222,18 @@ def sentences_of(language: str) -> Sentences:
 @cache
 def _catalogue(language: str, of: str) -> dict[str, str]:
     catalogue: dict[str, str] = {}
-    for name in ("", "_sentences", *(f"_{name}" for name in _CATALOGUES[of])):
+    # Catalogues of each kind of text besides those of the report; a short term may mean something else in another.
+    catalogues = {
+        "report": (),
+        "orientation": ("orientation",),
+        "start values": ("orientation", "start_values"),
+        "planning": ("planning",),
+        "page": ("page",),
+        "messages": ("orientation", "start_values", "planning", "page", "messages", "formats", "help"),
+    }
+    for name in ("", "_sentences", *(f"_{name}" for name in catalogues[of])):
         text = files("mor.report").joinpath("words", f"{language}{name}.yaml").read_text(encoding="utf-8")
-        catalogue |= yaml.load(text, Loader=_LOADER)
+        catalogue |= yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
     return catalogue
 
 
@@ -273,8 +269,6 @@ def datum_name(name: str, words: Words) -> str:
 
 # ---- The terms of reports: found by any of their names, or nearest to what was asked.
 
-_UNIT_OF_TERM = re.compile(r" \[[^\]]*\]$")
-
 
 class Term(NamedTuple):
     """A term: its names (the first is its title), the German one, what it means, what to do."""
@@ -302,7 +296,7 @@ def find(wanted: str, language: str = "en") -> list[Term]:
     Raises :class:`InputError` for an unknown one, with the nearest known name.
     """
     everything = terms(language)
-    wanted = _UNIT_OF_TERM.sub("", wanted)
+    wanted = re.sub(r" \[[^\]]*\]$", "", wanted)
     for key in (str, str.lower):
         found = [t for t in everything if key(wanted) in {key(n) for n in (*t.names, t.german)}]
         if found:

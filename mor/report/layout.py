@@ -103,8 +103,6 @@ def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collecti
 
 _TIED = "\u2007=\u2007"
 """An equals sign that stays with what is on both of its sides."""
-_LEAD = re.compile(r"\S.{0,38}?\s{2,}(?=\S)")
-_MARK = re.compile(r"\s*(\d+\. )?")
 
 
 def paragraphs(text: str) -> str:
@@ -115,8 +113,8 @@ def paragraphs(text: str) -> str:
 def _paragraph(line: str) -> str:
     if len(line) <= WIDTH:
         return line
-    lead = _LEAD.match(line)
-    mark = _MARK.match(line)
+    lead = re.match(r"\S.{0,38}?\s{2,}(?=\S)", line)
+    mark = re.match(r"\s*(\d+\. )?", line)
     indent = lead.end() if lead else (mark.end() if mark else 0) + 2
     return textwrap.fill(
         line.replace(" = ", _TIED),
@@ -355,7 +353,6 @@ def _note(row: dict[str, Any], words: Words) -> str:
 # ---- Charts as plain data: a chart is its traces and a layout whose axes carry names and units.
 
 Figure = dict[str, Any]
-FIGURE_DIGITS = 6
 
 
 def figure(traces: list[dict[str, Any]], x: str, y: str, **layout: Any) -> Figure:
@@ -368,7 +365,7 @@ def figure(traces: list[dict[str, Any]], x: str, y: str, **layout: Any) -> Figur
 
 def numbers(values: FloatArray) -> list[float | None]:
     """Numbers with six significant digits, ``None`` if there is none."""
-    return [float(f"{value:.{FIGURE_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
 def joined(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:

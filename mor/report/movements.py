@@ -23,10 +23,6 @@ _LEAST, _MOST = 260, 560
 MARGIN, LEGEND = 60, 30
 _AROUND = float(np.sqrt(chdtri(2, 0.05)))
 """Semi-axes of an ellipse of 95 % in units of those of 1σ."""
-_TIP = (
-    '<defs><marker id="tip" viewBox="0 0 8 8" refX="6" refY="4" markerWidth="4.5" markerHeight="4.5" orient="auto">'
-    '<path class="tip" d="M0 0 8 4 0 8z"/></marker></defs>'
-)
 
 
 class PointMovements(NamedTuple):
@@ -94,7 +90,11 @@ def movement_drawing(found: PointMovements, words: Words) -> Markup:
     others = np.concatenate([np.delete(xy, order[:400], axis=0), (xy + scale * vectors)[found.moved]])
     parts += labels(found.names, xy, order, height, 6.6, others, found.moved)
     parts += [_bar(scale, found.unit, height, words), *_axes(axes, signs, factor, found.unit, height)]
-    return drawing([_TIP, *parts], DRAWING_WIDTH, height, words("Movements between the epochs"))
+    tip = (
+        '<defs><marker id="tip" viewBox="0 0 8 8" refX="6" refY="4" markerWidth="4.5" markerHeight="4.5" orient="auto">'
+        '<path class="tip" d="M0 0 8 4 0 8z"/></marker></defs>'
+    )
+    return drawing([tip, *parts], DRAWING_WIDTH, height, words("Movements between the epochs"))
 
 
 def drawing(

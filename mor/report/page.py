@@ -82,14 +82,6 @@ BROWSERS = (
     *("microsoft-edge", "microsoft-edge-stable", "msedge"),
 )
 """Programs that print a page as PDF without a window; Firefox does not."""
-_APPLICATIONS = (
-    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
-    "/Applications/Chromium.app/Contents/MacOS/Chromium",
-    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
-    r"C:\Program Files\Google\Chrome\Application\chrome.exe",
-    r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
-)
-_PATIENCE_MS = 30_000
 _LONGEST = 600.0
 """Seconds a browser may take over the largest page."""
 
@@ -122,7 +114,14 @@ def browser() -> str | None:
     given = os.environ.get("MOR_BROWSER")
     if given is not None:
         return shutil.which(given)
-    return next((found for name in (*BROWSERS, *_APPLICATIONS) if (found := shutil.which(name))), None)
+    applications = (
+        "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+        "/Applications/Chromium.app/Contents/MacOS/Chromium",
+        "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
+        r"C:\Program Files\Google\Chrome\Application\chrome.exe",
+        r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
+    )
+    return next((found for name in (*BROWSERS, *applications) if (found := shutil.which(name))), None)
 
 
 def print_page(program: str, page: str, target: Path, paper: str) -> None:
@@ -145,7 +144,7 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
     options = [
         *("--headless", "--disable-gpu", "--no-first-run", "--disable-extensions", "--no-pdf-header-footer"),
         "--disable-pdf-tagging",  # tags of every cell of long tables are nine tenths of the file
-        f"--virtual-time-budget={_PATIENCE_MS}",
+        "--virtual-time-budget=30000",
         f"--user-data-dir={profile}",
         f"--print-to-pdf={made}",
     ]
@@ -234,8 +233,6 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
 _LOW_R = 0.1
-_NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
-"""Hyphens that are minus signs."""
 
 
 class Statement(NamedTuple):
@@ -269,7 +266,9 @@ def judgements(data: PageData) -> list[Statement]:
 
 
 def _signed(found: Iterable[Statement]) -> list[Statement]:
-    return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
+    # Hyphens that are minus signs.
+    negative = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
+    return [statement._replace(words=negative.sub("−", statement.words)) for statement in found]
 
 
 def agreement(data: PageData) -> Statement:
@@ -565,10 +564,6 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
 
 # ---- The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
 
-SCRIPTS = (
-    *("data.js", "theme.js", "table.js", "sketch.js", "network.js", "labels.js", "overlays.js"),
-    *("images.js", "multiples.js", "overlap.js", "main.js"),
-)
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
 MEANINGS = {
@@ -613,6 +608,10 @@ def page(view: View, words: Words = ENGLISH) -> str:
     for number, charts in enumerate(cameras):
         figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
     covered = overlap_map(overlap(view, data.rays))
+    scripts = (
+        *("data.js", "theme.js", "table.js", "sketch.js", "network.js", "labels.js", "overlays.js"),
+        *("images.js", "multiples.js", "overlap.js", "main.js"),
+    )
     return rendered(
         "page.html.j2",
         view.summary["title"] or words("Adjustment"),
@@ -624,7 +623,7 @@ def page(view: View, words: Words = ENGLISH) -> str:
         overlap=covered is not None,
         payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
-        scripts=[Markup(asset(name)) for name in SCRIPTS],
+        scripts=[Markup(asset(name)) for name in scripts],
     )
 
 

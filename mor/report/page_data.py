@@ -42,8 +42,6 @@ from mor.units import ANGLE_UNITS
 
 # ---- Quantities of points, images and sets that the page shows beyond the result tables.
 
-_TOUCHING = pl.col("type").str.contains("^(difference|level)$").not_()
-
 
 def _measures() -> list[pl.Expr]:
     return [
@@ -56,7 +54,8 @@ def _measures() -> list[pl.Expr]:
 
 def points_with_tests(view: View, rays: RayPairs, angle_unit: str) -> pl.DataFrame:
     """The table of points with mean and smallest r, largest |w| and the best intersection angle."""
-    used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "w")
+    touching = pl.col("type").str.contains("^(difference|level)$").not_()
+    used = view.used.filter(touching).select("at", "from", "to", "r", "w")
     named = pl.concat(
         [
             used.filter(pl.col(key) != "").select(pl.col(key).str.strip_prefix("point ").alias("id"), "r", "w")
@@ -464,16 +463,6 @@ MOST_ROWS = 50_000
 """Residuals the page lists; the file beside it has all."""
 MOST_VECTORS = 60_000
 """Rays whose residual vectors the page draws."""
-POINT_COLUMNS = (
-    *("id", "x", "y", "z", "sx", "sy", "sz", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c"),
-    *("ellipse_a", "ellipse_b", "ellipse_azimuth", "rxy", "rxz", "ryz"),
-    *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
-)
-IMAGE_COLUMNS = (
-    *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
-    *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
-)
-STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
@@ -482,13 +471,18 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
     view, packer = data.view, Packer()
     worst = worst_first(view)
     vectors, effects = shown_vectors(data.measured), detectable_effects(view)
+    image_columns = (
+        *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
+        *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
+    )
+    station_columns = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
     head = {
         "meta": {**meta(data), "effects_scale": scale_of_effects(view, effects)},
         "figures": figures,
         "overlap": overlap,
         "points": packer.table(_to_sigma(_points(data)), _EXACT),
-        "images": packer.table(_to_sigma(_columns(data.images, IMAGE_COLUMNS)), _EXACT),
-        "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
+        "images": packer.table(_to_sigma(_columns(data.images, image_columns)), _EXACT),
+        "stations": packer.table(_columns(view.stations, station_columns), _EXACT),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
         "effects": packer.table(effects),
@@ -502,7 +496,12 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
 
 def _points(data: PageData) -> pl.DataFrame:
     """Columns of points; of very many, plane ellipses are in the file beside the page alone."""
-    points = _columns(with_given(data.view, data.points), POINT_COLUMNS)
+    point_columns = (
+        *("id", "x", "y", "z", "sx", "sy", "sz", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c"),
+        *("ellipse_a", "ellipse_b", "ellipse_azimuth", "rxy", "rxz", "ryz"),
+        *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
+    )
+    points = _columns(with_given(data.view, data.points), point_columns)
     # Points whose ellipses in plan, and directions of ellipsoids, the page lists.
     if points.height > 20_000:
         return points.drop(name for name in points.columns if name.startswith("ellipse_"))

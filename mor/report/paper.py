@@ -23,7 +23,6 @@ MOST_POINTS = 150
 """Points that are listed; of more, the least precise ones."""
 MOST_ROWS = 40
 """Rows of every other table."""
-_SERIF = {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}
 _WIDTH, _HEIGHT, _DOTS = 7.5, 4.1, 200
 """Size of the figure in inches, and its dots per inch."""
 
@@ -274,7 +273,7 @@ def _load_fonts() -> None:
         return
     with style():
         from matplotlib import get_data_path
-    for suffix, file in _SERIF.items():
+    for suffix, file in {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}.items():
         registerFont(TTFont(f"mor{suffix}", str(Path(get_data_path()) / "fonts" / "ttf" / file)))
 
 

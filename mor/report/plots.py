@@ -68,11 +68,6 @@ _STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "savefig.dpi": 150,
 }
-_NO_DATE: dict[str, dict[str, Any]] = {
-    "svg": {"Date": None, "Creator": "mor"},
-    "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
-    "png": {"Software": "mor"},
-}
 
 
 def style() -> AbstractContextManager[None]:
@@ -123,7 +118,12 @@ def _draw(figure: Figure, path: Path) -> None:
     with warnings.catch_warnings():
         # Scripts that the font lacks are drawn as boxes, which can be seen in the picture.
         warnings.filterwarnings("ignore", message="Glyph")
-        figure.savefig(path, format=suffix, metadata=_NO_DATE[suffix])
+        no_date = {
+            "svg": {"Date": None, "Creator": "mor"},
+            "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
+            "png": {"Software": "mor"},
+        }
+        figure.savefig(path, format=suffix, metadata=no_date[suffix])
 
 
 def spell_out(figure: Figure) -> None:
@@ -518,9 +518,6 @@ def _mark_outside(view: View, axes: Axes, low: FloatArray, high: FloatArray, cho
 
 # ---- The overlap of images, and the rays of each point.
 
-_LOOKS = ((RED, "x", 5), (RED, "P", 5), (ORANGE, "^", 5), (GREEN, "o", 3), (BLUE, "o", 3), (GREY, "o", 3))
-"""Colour, mark and size of each class of rays."""
-
 
 def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
     """Images over each cell, and points by the number of their rays. Raises :class:`InputError` without images."""
@@ -531,7 +528,9 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _map(left, found, words)
     rays, xy = view.points["rays"].to_numpy(), places(view)[:, found.axes]
-    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, _LOOKS, strict=True):
+    # Colour, mark and size of each class of rays.
+    looks = ((RED, "x", 5), (RED, "P", 5), (ORANGE, "^", 5), (GREEN, "o", 3), (BLUE, "o", 3), (GREY, "o", 3))
+    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, looks, strict=True):
         mine = (rays >= low) & (rays <= (np.inf if high is None else high))
         if mine.any():
             name = f"≥ {low}" if high is None else str(low) if low == high else f"{low}–{high}"

@@ -275,12 +275,6 @@ def _part(join: Join, network: Network, approximation: Approximation) -> dict[st
 
 SHOWN = 1000
 """Values of a kind that the text lists; JSON has all."""
-_EXPLAINED = (
-    "misfit: root mean square of observed - computed, from its own observations "
-    "at the start values, in units of sigma.",
-    "sigma: largest component, from these observations with all else held, times the misfit where that exceeds 1;",
-    "it does not contain the errors of the neighbours. A dash: its own observations alone do not determine it.",
-)
 STATUSES = ("given", "found", "replaced", "missing")
 
 
@@ -356,7 +350,13 @@ def _values(rows: Sequence[StartValue], words: Words) -> list[str]:
     parts = [heading(words("Values")), table(headers, lines, 4, words, True)]
     if len(rows) > SHOWN:
         parts.append(words("{count} more are in the JSON report.", count=len(rows) - SHOWN))
-    parts += [words(line) for line in _EXPLAINED]
+    explained = (
+        "misfit: root mean square of observed - computed, from its own observations "
+        "at the start values, in units of sigma.",
+        "sigma: largest component, from these observations with all else held, times the misfit where that exceeds 1;",
+        "it does not contain the errors of the neighbours. A dash: its own observations alone do not determine it.",
+    )
+    parts += [words(line) for line in explained]
     return ["\n".join(parts)]
 
 

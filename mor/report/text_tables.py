@@ -89,9 +89,6 @@ def check_section(solved: Solved, words: Words) -> str:
 
 # ---- Error ellipses of points and of pairs of points.
 
-NEIGHBOURS = 2000
-"""Points of which a full report pairs each with its nearest."""
-
 
 def ellipse_section(solved: Solved, words: Words) -> str:
     """One line for each point with unknowns: the ellipse in plan; in three dimensions also the ellipsoid."""
@@ -117,7 +114,8 @@ def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -
     """One line for each pair of points asked for; where none is, for ``neighbours`` if wanted."""
     pairs = estimates.chosen_pairs(solved)
     neighbours = neighbours and len(pairs) == 0
-    rows = estimates.relative_rows(solved, estimates.neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
+    # Points of which a full report pairs each with its nearest.
+    rows = estimates.relative_rows(solved, estimates.neighbouring_pairs(solved, 2000) if neighbours else pairs)
     if not rows:
         return ""
     length, angle = solved.network.project.units.length, angle_unit(solved)

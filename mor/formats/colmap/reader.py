@@ -231,7 +231,6 @@ def read_frames(path: Path) -> list[RigFrame]:
 
 # ---- COLMAP's text files: a thing a line, an image on two; lines that begin with # are comments.
 
-_IMAGE = "number, qw qx qy qz, tx ty tz, camera, name"
 _POINTS = "x, y and the number of a point (or -1) by turns"
 _BEFORE_TRACK = 8
 """Words of a point in front of its track."""
@@ -298,7 +297,7 @@ def read_text_images(path: Path, draft: Draft) -> list[ColmapImage]:
             continue
         below, points = next(lines, (line, ""))
         try:
-            _form(words, 10, _IMAGE)
+            _form(words, 10, "number, qw qx qy qz, tx ty tz, camera, name")
             pose = _pose(words[1:8])
             image, camera = _whole(words[0]), _whole(words[8])
         except (LineError, ValueError) as error:

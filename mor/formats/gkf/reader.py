@@ -23,7 +23,6 @@ from mor.units import ANGLE_UNITS, parse_dms
 
 Check = Callable[[str], object]
 _DMS = re.compile(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$")
-_SIXTY = re.compile(r"^\s*(?P<sign>[-+]?)(?P<d>\d+)-(?P<m>\d+)-(?P<s>\d+(?:\.\d*)?)\s*$")
 _COMPONENTS = ("xy", "XY", "z", "Z", "xyz", "XYZ", "XYz", "xyZ")
 
 
@@ -34,7 +33,7 @@ def is_dms(text: str) -> bool:
 
 def carried(text: str) -> str:
     """An angle; d-m-s whose minutes or seconds were rounded up to 60 as degrees."""
-    match = _SIXTY.match(text)
+    match = re.match(r"^\s*(?P<sign>[-+]?)(?P<d>\d+)-(?P<m>\d+)-(?P<s>\d+(?:\.\d*)?)\s*$", text)
     if match is None:
         return text
     minutes, seconds = float(match["m"]), float(match["s"])
@@ -752,8 +751,6 @@ def _term(
 # coordinates and results stay those of the file. Weights depend on ratios of σ only, so ``sigma-apr`` is the
 # σ0 of the report.
 
-LEFT_HANDED = ("ne", "sw", "es", "wn")
-
 
 def read_gkf(path: Path) -> Document:
     """The project a GNU Gama XML file describes. Raises :class:`InputError` with every mistake found."""
@@ -783,7 +780,7 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
         draft.problem("no points are given: each one needs <point id=…> with fix=… or adj=…", body.line)
     clusters = without_inactive(clusters, points, draft)
     x_axis = {"e": 300.0, "n": 0.0, "s": 200.0, "w": 100.0}[axes[0]] * (1.0 if left else -1.0) * np.pi / 200.0
-    y_sign = 1.0 if left == (axes in LEFT_HANDED) else -1.0
+    y_sign = 1.0 if left == (axes in ("ne", "sw", "es", "wn")) else -1.0
     tolerance = float(parameters.get("tol-abs", "1000")) / 1000.0
     clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, sigma_apriori, draft)
     clusters = without_lonely_directions(clusters, draft)

@@ -19,8 +19,6 @@ from mor.project.schema import Datum
 from mor.types import FloatArray
 
 _SECTIONS = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
-_TOLERANCE = "1e9"
-"""gama-local leaves out what misses the given coordinates by more (mm); mor leaves nothing out by itself."""
 
 
 def write_gkf(document: Document, folder: Path, target: Path) -> Written:
@@ -34,13 +32,14 @@ def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     axes, settings = content.project.axes, content.project.settings
     angles = "left-handed" if axes.angles == "clockwise" else "right-handed"
     found = points(content)
+    # gama-local leaves out what misses the given coordinates by more (mm); mor leaves nothing out by itself.
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<gama-local xmlns="http://www.gnu.org/software/gama/gama-local">',
         f'<network axes-xy="{axes.xy}" angles="{angles}">',
         f"<description>{escape(content.project.title)}</description>",
         f'<parameters sigma-apr="{settings.sigma0!r}" conf-pr="{1.0 - settings.global_level:.10g}" '
-        f'tol-abs="{_TOLERANCE}" sigma-act="{settings.sigma}"/>',
+        f'tol-abs="1e9" sigma-act="{settings.sigma}"/>',
         "<points-observations>",
         *_points(found, content),
         *_observed_points(found, content),

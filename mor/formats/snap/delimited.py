@@ -39,7 +39,6 @@ _ALSO = {
     "angle_error_unit": "angle_error_units",
 }
 _FORMS = {"degrees": "deg", "dms_angles": "dms", "hp_angles": "hp"}
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
 @dataclass
@@ -240,7 +239,8 @@ def date_by(text: str, form: str) -> datetime | None:
     try:
         month = parts.get("M", "1")
         if not month.isdigit():
-            month = str(_MONTHS.index(month[:3].lower()) + 1)
+            months = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+            month = str(months.index(month[:3].lower()) + 1)
         day = f"{parts['Y']} {parts['N']}" if "N" in parts else f"{parts['Y']} {month} {parts.get('D', '1')}"
         time = " ".join(parts.get(letter, "0") for letter in "hms")
         return datetime.strptime(f"{day} {time}", ("%Y %j" if "N" in parts else "%Y %m %d") + " %H %M %S")

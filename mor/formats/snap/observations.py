@@ -203,17 +203,14 @@ class VectorError(NamedTuple):
         return VectorError(self.common, self.common_ppm).variances(distance)
 
 
-_VECTOR_UNITS = {
-    "GB": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "ppm": ("ppm", 1.0)},
-    "GX": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "mmr": ("common", 1e-3), "ppmr": ("common_ppm", 1.0)},
-}
-"""Fields of an error, and their factors, by data type and unit."""
-
-
 def vector_error_of(words: WordReader, code: str) -> VectorError:
     """Errors of ``20 30 50 mm 10 25 100 ppm`` of a data type. Raises ``ValueError``."""
     found: dict[str, tuple[float, ...]] = {}
-    units = _VECTOR_UNITS[code]
+    # Fields of an error, and their factors, by data type and unit.
+    units = {
+        "GB": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "ppm": ("ppm", 1.0)},
+        "GX": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "mmr": ("common", 1e-3), "ppmr": ("common_ppm", 1.0)},
+    }[code]
     while words:
         values = [words.number("errors east, north and up") for _ in range(3)]
         unit = words.take("a unit").lower()
@@ -547,9 +544,6 @@ def _stations_of(word: str, words: WordReader, stations: StationFile, strict: bo
     return set()
 
 
-_RING = re.compile(r"\(([^()]+)\)")
-
-
 def _stations_in_area(code: str, file: str, stations: StationFile) -> set[str]:
     """Stations in an odd number of rings ``(x1 y1, x2 y2, …)`` of a file. Raises ``ValueError``."""
     path = stations.path.parent / file
@@ -563,7 +557,7 @@ def _stations_in_area(code: str, file: str, stations: StationFile) -> set[str]:
     geodetic = stations.system.ellipsoid.geodetic(stations.geocentric(list(stations.by_name)))
     points = np.degrees(geodetic[:, [1, 0]]) if geographic else system.from_geodetic(geodetic)[:, :2]
     inside = np.zeros(len(points), bool)
-    for ring in _RING.findall(" ".join(read_lines(path, Draft(str(path))))):
+    for ring in re.findall(r"\(([^()]+)\)", " ".join(read_lines(path, Draft(str(path))))):
         corners = np.array([[parse_number(one) for one in corner.split()[:2]] for corner in ring.split(",")])
         if geographic:
             points[:, 0] += 360.0 * np.round((corners[:, 0].mean() - points[:, 0]) / 360.0)
@@ -594,7 +588,6 @@ def _rank(code: str) -> list[tuple[int, str]]:
     return [(int(number or -1), text) for number, text in re.findall(r"(\d+)|(\D+)", code)]
 
 
-_DATES = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
 _TIMES = ("", "%H%M%S", "-%H:%M:%S", "T%H:%M:%S", "-%H:%M", "T%H:%M")
 
 
@@ -603,7 +596,8 @@ def date_of(text: str) -> datetime | None:
     if text.lower() == "unknown":
         return None
     plain = re.sub(r"[\s/]+", "-", text.strip())
-    for form in (date + time for date in _DATES for time in _TIMES):
+    dates = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
+    for form in (date + time for date in dates for time in _TIMES):
         try:
             return datetime.strptime(plain, form)
         except ValueError:

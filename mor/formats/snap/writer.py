@@ -42,7 +42,6 @@ from mor.units import ANGLE_UNITS, Quantity
 VECTORS = ("gnss_vector", "gnss_position")
 _CODES = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
 TYPES = tuple(dict.fromkeys(kind.type for kind in KINDS.values()))
-NO_REFRACTION = "NONE"
 
 
 class Writing(NamedTuple):
@@ -129,7 +128,7 @@ def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
 
 def refraction_code(instrument: str | None) -> str:
     """SNAP's code of the refraction of an instrument."""
-    return instrument.removeprefix("refraction ").replace(" ", "_").upper() if instrument else NO_REFRACTION
+    return instrument.removeprefix("refraction ").replace(" ", "_").upper() if instrument else "NONE"
 
 
 def _projection(writing: Writing, group: ObservationTable) -> str:
