@@ -39,8 +39,6 @@ CODE_PAGES = {
     "cp1252": "Windows, Western European",
     "cp1254": "Windows, Turkish",
 }
-_TURKISH, _ACCENTED = set(b"\xd0\xdd\xde\xf0\xfd\xfe"), set(b"\xc1\xc6\xe1\xe6\xed\xf3\xfa")
-"""Letters that cp1254 has in the places of Icelandic ones, and letters of Icelandic that Turkish does not have."""
 
 
 class ReadFile(NamedTuple):
@@ -224,6 +222,8 @@ def _encoding(content: bytes) -> str:
     for mark, name in _MARKS:
         if content.startswith(mark):
             return name
+    # Letters that cp1254 has in the places of Icelandic ones, and letters of Icelandic that Turkish does not have.
+    turkish, accented = set(b"\xd0\xdd\xde\xf0\xfd\xfe"), set(b"\xc1\xc6\xe1\xe6\xed\xf3\xfa")
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:
@@ -231,7 +231,7 @@ def _encoding(content: bytes) -> str:
             return "gb18030"
         if _is_cyrillic(content):
             return "cp1251"
-        return "cp1254" if not _TURKISH.isdisjoint(content) and _ACCENTED.isdisjoint(content) else "cp1252"
+        return "cp1254" if not turkish.isdisjoint(content) and accented.isdisjoint(content) else "cp1252"
     return "utf-8"
 
 

@@ -388,8 +388,6 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
     yield from about.check("σ of images and cameras", sigmas)
 
 
-_RELATIVE = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
-"""Columns whose tolerance is relative, and the least difference that is allowed."""
 _QUANTITIES = {
     "v": "residuals",
     "r": "redundancy numbers",
@@ -445,8 +443,10 @@ def _observation_checks(
 
 
 def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
-    if key in _RELATIVE:
-        return max(tolerance[key] * abs(reference), _RELATIVE[key])
+    # Columns whose tolerance is relative, and the least difference that is allowed.
+    relative = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
+    if key in relative:
+        return max(tolerance[key] * abs(reference), relative[key])
     return float(tolerance[key])
 
 
@@ -454,8 +454,6 @@ def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
 #
 # In the two scenes about the centre of a regular polygon the errors are a cos 2θ. They are orthogonal to the columns
 # of the shift and of the orientation, so the centre is the exact solution of the equations, which are not linear.
-
-_SIDES, _RADIUS = 8, 100.0
 
 
 def _solved(lines: Sequence[str]) -> Solved:
@@ -471,14 +469,15 @@ def _quality(solved: Solved) -> Quality:
 
 
 def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    x, y = _RADIUS * np.sin(angles), _RADIUS * np.cos(angles)
+    sides, radius = 8, 100.0
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    x, y = radius * np.sin(angles), radius * np.cos(angles)
     wave = np.cos(2.0 * angles)
     if kind == "distance":
         sigma, errors, unknowns = 0.002, 0.003 * wave, 2
-        rows = [f"[M, T{k}, {_RADIUS + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
+        rows = [f"[M, T{k}, {radius + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
         lines = ["  - type: distance", "    columns: [from, to, distance, sigma]", f"    rows: [{', '.join(rows)}]"]
-        variance = 2.0 * sigma**2 / _SIDES
+        variance = 2.0 * sigma**2 / sides
     else:
         sigma, errors, unknowns = 1e-5, 2e-5 * wave, 3
         read = (angles + 0.3 + errors) % (2.0 * np.pi)
@@ -489,7 +488,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
             "    columns: [station, to, horizontal, sigma]",
             f"    rows: [{', '.join(rows)}]",
         ]
-        variance = 2.0 * (_RADIUS * sigma) ** 2 / _SIDES
+        variance = 2.0 * (radius * sigma) ** 2 / sides
     targets = ", ".join(f"[T{k}, {a!r}, {b!r}]" for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)))
     solved = _solved(
         [
@@ -507,7 +506,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     )
     quality, (values, sigmas) = _quality(solved), point_results(solved)["M"]
     found = observations(solved)
-    redundancy = _SIDES - unknowns
+    redundancy = sides - unknowns
     sigma0 = float(np.sqrt(errors @ errors / redundancy) / sigma)
     yield from about.check("coordinates", ((f"M {n}", float(values[k]), 0.0, 1e-10) for k, n in enumerate("xy")))
     yield from about.check(
@@ -517,7 +516,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     yield from about.check("sigma0", [("", quality.sigma0, sigma0, 1e-8 * sigma0)])
     residuals = zip(found, errors.tolist(), strict=True)
     yield from about.check("residuals", ((one.name, one.v, -e, 1e-8 * float(errors.max())) for one, e in residuals))
-    yield from about.check("redundancy numbers", ((one.name, one.r, redundancy / _SIDES, 1e-10) for one in found))
+    yield from about.check("redundancy numbers", ((one.name, one.r, redundancy / sides, 1e-10) for one in found))
     yield from about.check("sum of redundancy numbers", [_redundancy(quality)])
 
 
@@ -840,18 +839,17 @@ _WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Ite
 # simulated measurements by one process and by two. The order of sums does not depend on their number, so no digit
 # differs.
 
-_SHARED_POINTS = 25_000
-"""Points in two images from which on the rays are shared between two threads."""
-
 
 def _threads(about: About) -> Iterator[ReferenceCheck]:
     random = np.random.default_rng(46)
-    points = random.uniform(-1.0, 1.0, (_SHARED_POINTS, 3))
-    names = pl.Series(range(_SHARED_POINTS))
+    # Points in two images from which on the rays are shared between two threads.
+    shared_points = 25_000
+    points = random.uniform(-1.0, 1.0, (shared_points, 3))
+    names = pl.Series(range(shared_points))
     images, rays = [], []
     for i, pose in enumerate(_POSES[:2]):
         images.append(f"[I{i}, C, {', '.join(map(repr, pose))}]")
-        measured = _brown(pose, points) + random.normal(0.0, 0.001, (_SHARED_POINTS, 2))
+        measured = _brown(pose, points) + random.normal(0.0, 0.001, (shared_points, 2))
         rays.append(pl.DataFrame({"image": f"I{i}", "point": names, "x": measured[:, 0], "y": measured[:, 1]}))
     interior = ", ".join(f"{key}: {value!r}" for key, value in _INTERIOR.items())
     lines = [

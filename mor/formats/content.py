@@ -134,9 +134,6 @@ _CONTROL = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
 """Characters that end a line, or that XML 1.0 has no place for."""
 
 
-_CONTROL_IN_TITLE = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
-
-
 def _given(rows: Rows, name: str) -> int:
     if name in rows.numbers:
         return int(np.count_nonzero(np.nan_to_num(rows.numbers[name])))
@@ -146,9 +143,10 @@ def _given(rows: Rows, name: str) -> int:
 def content_of(document: Document, folder: Path) -> Content:
     """The content of a document whose tables are found from ``folder``. Raises :class:`InputError`."""
     project = validate(document)
-    title = " ".join(re.sub(_CONTROL_IN_TITLE, " ", project.title).split())
+    control_in_title = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
+    title = " ".join(re.sub(control_in_title, " ", project.title).split())
     names = [*project.cameras, *project.instruments, *(table.group or "" for table in project.points)]
-    odd = next((name for name in names if re.search(_CONTROL_IN_TITLE, name)), None)
+    odd = next((name for name in names if re.search(control_in_title, name)), None)
     if odd is not None:
         words = f"found the name {odd!r}, expected one without control characters; rename it"
         raise InputError([Message(words, document.file)])
@@ -171,20 +169,18 @@ def points(content: Content) -> ContentTable:
     return _joined(parts, len(POINT.components), ())
 
 
-_IMAGE_TEXTS = ("camera", "position", "leader", "pair", "shared_height", "shared_eccentricity")
-
-
 def images(content: Content) -> ContentTable:
     """All images with x, y, z, ω, φ, κ. Raises :class:`InputError`."""
     components: tuple[Component, ...] = (*POINT.components, *ROTATION.components)
     parts = []
+    image_texts = ("camera", "position", "leader", "pair", "shared_height", "shared_eccentricity")
     for k, table in enumerate(content.project.images):
-        columns = [Column("id", required=True), *(Column(name) for name in _IMAGE_TEXTS)]
+        columns = [Column("id", required=True), *(Column(name) for name in image_texts)]
         columns += component_columns(components, content.edge)
         rows = content.rows("images", k, table, columns)
         statuses = component_rows(rows, components, table.fixed)
-        parts.append(ContentTable(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses))
-    return _joined(parts, len(components), _IMAGE_TEXTS)
+        parts.append(ContentTable(rows.text("id"), {name: rows.text(name) for name in image_texts}, statuses))
+    return _joined(parts, len(components), image_texts)
 
 
 def _joined(parts: list[ContentTable], size: int, texts: tuple[str, ...]) -> ContentTable:

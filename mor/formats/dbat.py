@@ -20,7 +20,6 @@ from mor.project.document import Document
 
 _MODELS = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown-5", "-1": "brown-forward"}
 """mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity."""
-_AFFINE = ("3", "4", "5")
 _UNITS = ("mm", "um", "m")
 
 
@@ -141,11 +140,12 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
     if py > 0.0:
         draft.note(f"camera {name}: y of pp is above 0, so it is counted downwards", *texts.find("pp")[1])
         py = -py
-    if model not in _AFFINE:
+    affine = ("3", "4", "5")
+    if model not in affine:
         free = free - {"b1", "b2"}
     across = columns * pixel * (1.0 + b1 if model == "5" else 1.0)
     values = {"c": c, "xh": px - across / 2.0, "yh": height / 2.0 + py}
-    if model in _AFFINE:
+    if model in affine:
         values |= {"b1": b1, "b2": texts.numbers("skew", [0.0], 1)[0]}
     elif b1 or texts.numbers("skew", [0.0], 1)[0]:
         words = f"camera {name}: model {model} has no affinity; its aspect and skew are not used"
@@ -222,7 +222,6 @@ _NAMES = {
     "all": INTERIOR,
     **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
 }
-_OUTSIDE = {"all": EXTERIOR, "pos": EXTERIOR[:3], "angles": EXTERIOR[3:], **{axis: (axis,) for axis in "xyz"}}
 
 
 def operations(root: Element, *names: str) -> Iterator[Element]:
@@ -255,8 +254,9 @@ def free_interior(root: Element, draft: Draft) -> set[str]:
 def held_exterior(root: Element, draft: Draft) -> set[str]:
     """Components of the poses that the script does not estimate."""
     held: set[str] = set()
-    for section, given in _settings(root, "eo", _OUTSIDE, draft):
-        chosen = set(_OUTSIDE[section])
+    outside = {"all": EXTERIOR, "pos": EXTERIOR[:3], "angles": EXTERIOR[3:], **{axis: (axis,) for axis in "xyz"}}
+    for section, given in _settings(root, "eo", outside, draft):
+        chosen = set(outside[section])
         held = held | chosen if given == "false" else held - chosen
     return held
 
@@ -297,7 +297,6 @@ def initial_values(root: Element) -> dict[str, Element]:
 # ---- Text tables of a DBAT project: where they are, columns by their declared format, ids that a filter leaves.
 
 _TEXTS = ("id", "im", "cam", "label", "path")
-_SKIPPED = ("ignored", "dummy")
 
 
 class TableLine(NamedTuple):
@@ -314,7 +313,8 @@ def table_of(
     """Lines of the file that a ``<file format="…">`` names; mistakes are told with the line they are in."""
     path = path_of(given, folder, draft)
     form = [name.strip() for name in given.attributes.get("format", "").split(",")]
-    known = (*columns, *_SKIPPED)
+    skipped = ("ignored", "dummy")
+    known = (*columns, *skipped)
     wrong = [name for name in form if name not in known]
     missing = [name for name in required if name not in form]
     if wrong or missing:
@@ -335,7 +335,7 @@ def table_of(
             words = f"found {len(cells)} columns, expected {len(form)}: {', '.join(form)}"
             draft.problem(words, count, str(path))
             continue
-        row = {name: cell for name, cell in zip(form, cells, strict=True) if name not in _SKIPPED}
+        row = {name: cell for name, cell in zip(form, cells, strict=True) if name not in skipped}
         if _plain(row, count, str(path), draft):
             rows.append(TableLine(row, count, str(path)))
     return rows
@@ -411,9 +411,6 @@ _ANGLES = {"degrees": "deg", "gon": "gon", "radian": "rad"}
 _READ = ("ctrl_pts", "check_pts", "images", "image_pts", "cameras", "prior_eo", "c")
 SIGMA = "1"
 """σ of image coordinates, px, where the script and its tables have none."""
-
-SIGMA_CHECK = "0.001"
-"""σ of check points, m, where their table has none."""
 
 
 def read_dbat(path: Path) -> Document:
@@ -628,10 +625,12 @@ def _put_checks(sections: dict[str, Element], folder: Path, draft: Draft) -> Non
         words = f"{counted(len(lost), 'check point')} in no image not used: the first is {lost[0].cells['id']}"
         draft.note(words, lost[0].line, lost[0].file)
     used = [row for row in rows if row.cells["id"] in known]
-    given_ = [[s if s is not None and float(s) > 0.0 else SIGMA_CHECK for s in sigmas(row)] for row in used]
+    # σ of check points, m, where their table has none.
+    sigma_check = "0.001"
+    given_ = [[s if s is not None and float(s) > 0.0 else sigma_check for s in sigmas(row)] for row in used]
     bare = [row for row in used if any(s is None or float(s) == 0.0 for s in sigmas(row))]
     if bare:
-        words = f"{counted(len(bare), 'check point')} without a σ above 0: σ = {SIGMA_CHECK} m"
+        words = f"{counted(len(bare), 'check point')} without a σ above 0: σ = {sigma_check} m"
         draft.note(f"{words}; what is compared is the difference, not its test", bare[0].line, bare[0].file)
     table = [
         Row([row.cells["id"], *(row.cells[axis] for axis in "xyz"), *sigma], row.line)

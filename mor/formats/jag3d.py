@@ -368,7 +368,6 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
 # ---- A terrestrial network as JAG3D's column text: a file for each kind of points and each set of directions.
 
 _GON = ANGLE_UNITS["gon"]
-_TYPES_WRITTEN = (*OBSERVATIONS.values(), "zenith_directions")
 _KINDS = {type_: kind for kind, type_ in OBSERVATIONS.items()}
 _LEAST = 2
 """Files: one of points, one of observations."""
@@ -378,7 +377,8 @@ Files = dict[str, list[str]]
 def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
     """A folder of files; what JAG3D's text has no place for is noted. Raises :class:`InputError` for the rest."""
     content = content_of(document, folder)
-    tables = groups(content, _TYPES_WRITTEN)
+    types_written = (*OBSERVATIONS.values(), "zenith_directions")
+    tables = groups(content, types_written)
     problems = tilted_stations(content, "JAG3D's text")
     for group in tables:
         if group.covariance is not None or group.entry.cluster:
@@ -395,7 +395,7 @@ def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
     if not any(name.partition("_points_")[1] == "" for name in files) or len(files) < _LEAST:
         words = "JAG3D's text has points and terrestrial observations: this project has none that it can hold"
         raise InputError([Message(words, content.document.file)])
-    notes = not_carried(content, _TYPES_WRITTEN, ("stations",), "JAG3D's text")
+    notes = not_carried(content, types_written, ("stations",), "JAG3D's text")
     if any(e.instrument or e.centring or e.ppm for e in content.project.observations):
         words = "scales, offsets, refraction, centring: not written; σ that grow with the distance as they are"
         notes.append(Message(words, str(target)))

@@ -229,7 +229,6 @@ _TYPE = "gnss_position"
 _EPOCH = "00:000:00000"
 _CODE, _POINT, _SOLUTION = 4, 2, 4
 """Letters of the code of a site, of its point, of the solution."""
-_A_LINE = 3
 _WIDTH = 21
 
 
@@ -350,8 +349,9 @@ def _number(value: float) -> str:
 
 def _matrix_lines(Q: FloatArray) -> Iterator[str]:
     """The lower triangle, up to three values a line; parts that are 0 are left out, as the format allows."""
+    a_line = 3
     for i in range(len(Q)):
-        for first in range(0, i + 1, _A_LINE):
-            values = Q[i, first : min(first + _A_LINE, i + 1)]
+        for first in range(0, i + 1, a_line):
+            values = Q[i, first : min(first + a_line, i + 1)]
             if values.any():
                 yield f" {i + 1:5d} {first + 1:5d} " + " ".join(f"{value:21.14E}" for value in values.tolist())

@@ -17,7 +17,6 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 # ---- Sections of a textbook network file: their headers with units, and their lines without comments.
 
-_SHORT_UNITS = {"s": "arcsec", '"': "arcsec", "°": "deg"}
 _OTHER_NAMES = {
     "quelle": "Source",
     "winkel": "Angles",
@@ -97,18 +96,17 @@ def _section(whole: str, number: int, draft: Draft) -> TextSection:
 
 
 def _unit(text: str, number: int, draft: Draft) -> str:
-    unit = _SHORT_UNITS.get(text, text)
+    short_units = {"s": "arcsec", '"': "arcsec", "°": "deg"}
+    unit = short_units.get(text, text)
     if unit and unit not in ANGLE_UNITS and unit not in LENGTH_UNITS:
         draft.problem(
-            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *_SHORT_UNITS))})", number
+            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *short_units))})", number
         )
         return ""
     return unit
 
 
 # ---- Coordinates and datum of a textbook network: fixed, free or observed with covariances.
-
-DATUM_KINDS = ("fix", "free", "dyn")
 
 
 @dataclass
@@ -166,14 +164,15 @@ def _read_datum(section: TextSection, coordinates: Coordinates, draft: Draft) ->
     kind = ""
     coordinates.datum_line = section.number
     before = len(coordinates.covariance)
+    datum_kinds = ("fix", "free", "dyn")
     for line in section.lines:
         words = list(line.words)
-        if words[0].lower() in DATUM_KINDS:
+        if words[0].lower() in datum_kinds:
             kind = words.pop(0).lower()
             if kind == "free":
                 coordinates.free = coordinates.free or []
         if not kind:
-            draft.problem(f"found {words[0]!r}, expected {', '.join(DATUM_KINDS)}", line.number)
+            draft.problem(f"found {words[0]!r}, expected {', '.join(datum_kinds)}", line.number)
             return
         if kind == "dyn" and words:
             component = _component(words[0], coordinates, line, draft)

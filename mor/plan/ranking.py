@@ -94,13 +94,10 @@ def _rows_of(points: EliminatedPoints) -> PointRows:
 #
 #     K_jj = J_r Q_rr J_rᵀ − J_r Q_rr D ᵀ− D Q_rr J_rᵀ + D Q_rr Dᵀ + J_p N⁻¹ J_pᵀ,    D = J_p N⁻¹ Cᵀ.
 
-MOST_REDUCED = 12_000
-"""Reduced unknowns whose cofactors are held as a whole: more than a gigabyte."""
 MOST_LOOKED_AT = 600
 _WEAKEST = 40
 """Observations whose redundancy numbers are followed, whatever is required."""
 _AT_A_TIME = 1_000
-_SOLVED = 48
 
 
 class Wide(NamedTuple):
@@ -172,10 +169,12 @@ def _coordinate_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[cs
 
 def _check_size(looked_at: int, reduced: int) -> None:
     """Raise :class:`InputError` where there are too many rows, or too many images: before anything is held of them."""
-    if looked_at > MOST_LOOKED_AT or reduced > MOST_REDUCED:
+    # Reduced unknowns whose cofactors are held as a whole: more than a gigabyte.
+    most_reduced = 12_000
+    if looked_at > MOST_LOOKED_AT or reduced > most_reduced:
         words = (
             f"ranking considers {looked_at} coordinates and weak observations in {reduced} unknowns of images "
-            f"and stations, expected {MOST_LOOKED_AT} in {MOST_REDUCED} at most; require σ of fewer points, or less r"
+            f"and stations, expected {MOST_LOOKED_AT} in {most_reduced} at most; require σ of fewer points, or less r"
         )
         raise InputError([Message(words)])
 
@@ -187,9 +186,10 @@ def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, of_points: 
     """
     adjustment = quality.adjustment
     inverse, plan = adjustment.inverse, adjustment.plan
+    solved = 48
     if quality.datum.null.shape[1]:
-        starts = range(0, M.shape[0], _SOLVED)
-        parts = [inverse.solve(np.ascontiguousarray(M[k : k + _SOLVED].toarray().T)) for k in starts]
+        starts = range(0, M.shape[0], solved)
+        parts = [inverse.solve(np.ascontiguousarray(M[k : k + solved].toarray().T)) for k in starts]
         return np.concatenate(parts, axis=1)
     index = adjustment.problem.index
     met = np.unique(M.indices)

@@ -323,9 +323,6 @@ def outcomes(
 
 # ---- Where sights begin, and what an image has on its format.
 
-_ON_THE_WAY = 16
-"""Directions between the axis of a camera and a sight at which the image has to move outwards."""
-
 
 class Start:
     """Start values of a project that is being read: what is where, internal axes."""
@@ -401,8 +398,10 @@ class PlannedImage(NamedTuple):
         far = np.linalg.norm(star, axis=1)[:, None]
         middle = self._image(far * np.array([0.0, 0.0, -1.0]))
         before = np.zeros(len(star))
-        for step in range(1, _ON_THE_WAY + 1):
-            angle = whole * step / _ON_THE_WAY
+        # Directions between the axis of a camera and a sight at which the image has to move outwards.
+        on_the_way = 16
+        for step in range(1, on_the_way + 1):
+            angle = whole * step / on_the_way
             direction = np.concatenate([np.sin(angle)[:, None] * across, -np.cos(angle)[:, None]], axis=1)
             radius = np.linalg.norm(self._image(far * direction) - middle, axis=1)
             good &= (radius > before) | (aside == 0.0)
@@ -426,12 +425,10 @@ def image(reading: Reading, start: Start, number: int) -> PlannedImage:
     else:
         centre -= D.T @ r
     r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
-    low, high = image_format(scale, camera.image.width, camera.image.height) if camera.image else _NO_FORMAT
+    no_format = np.full(2, np.nan), np.full(2, np.nan)
+    low, high = image_format(scale, camera.image.width, camera.image.height) if camera.image else no_format
     interior = start.of(INTERIORS[camera.model].key, part["interior"])
     return PlannedImage(centre, D, model, interior, np.full(len(model.constants), r0), low, high)
-
-
-_NO_FORMAT = np.full(2, np.nan), np.full(2, np.nan)
 
 
 def image_format(scale: ImageScale, width: str, height: str) -> tuple[FloatArray, FloatArray]:

@@ -272,7 +272,6 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # defect.
 
 _HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
-_KAPPA = 2
 _LIES = (
     "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
     "free, because verticals differ from place to place; fix or observe a point"
@@ -327,7 +326,8 @@ def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
     }
     if any(group.type.key in turned for group in groups):
         return True
-    if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):
+    kappa = 2
+    if any(group.type.key == "observed/rotation" and group.mask[:, kappa].any() for group in groups):
         return True
     free = reading.shop.store("rotation").all_free()
     rotations = [
@@ -335,4 +335,4 @@ def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
         for space in ("station", "image", "system")
         if space in reading.shop.things
     ]
-    return any(bool((~free[blocks[blocks >= 0], _KAPPA]).any()) for blocks in rotations)
+    return any(bool((~free[blocks[blocks >= 0], kappa]).any()) for blocks in rotations)

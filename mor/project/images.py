@@ -42,9 +42,6 @@ from mor.units import IMAGE, NUMBER, Component
 
 # ---- Cameras of a project: interior orientations, image scales, image-variant components.
 
-GUESSED_CONSTANT = 1.0
-"""Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
-
 
 def read_cameras(reading: Reading) -> None:
     """Interior orientations, and how image coordinates come in."""
@@ -139,7 +136,9 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
         diagonal = float(np.hypot(width, height))
         full_frame = float(np.hypot(36.0, 24.0))  # diagonal of the format that 35 mm equivalents refer to
         return camera.focal_length_35mm * diagonal / full_frame, "from focal_length_35mm"
-    return GUESSED_CONSTANT * max(width, height), f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
+    # Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees.
+    guessed_constant = 1.0
+    return guessed_constant * max(width, height), f"a first guess: {guessed_constant:g} x the longer side of the image"
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:

@@ -301,8 +301,6 @@ def _first(seen: list[NameColumn], name: str) -> str:
 
 # ---- Tables of points on the earth, as they are given: coordinates, σ, geoid heights, deflections.
 
-ENU = ("east", "north", "up")
-
 
 class PointTable(NamedTuple):
     """One table of points as it was read."""
@@ -331,7 +329,8 @@ def read_point_table(
     for name in system.coordinates:
         quantity = ANGLE if name in ("latitude", "longitude") else LENGTH
         columns += [number_column(prefix + name, quantity, edge) for prefix in ("", "start_")]
-    columns += [number_column(f"sigma_{name}", LENGTH, edge) for name in ENU]
+    enu = ("east", "north", "up")
+    columns += [number_column(f"sigma_{name}", LENGTH, edge) for name in enu]
     columns += [number_column("sigma", LENGTH, edge), number_column(GEOID, LENGTH, edge)]
     rows = read_table(table, columns + [number_column(name, ANGLE, edge) for name in DEFLECTIONS], place)
     if rows is None:
@@ -342,7 +341,7 @@ def read_point_table(
     start = np.stack([rows.number(f"start_{name}") for name in system.coordinates], axis=1)
     if system.kind == "geographic":
         _check_degrees(coordinates, rows)
-    sigma = np.stack([rows.number(f"sigma_{name}") for name in ENU], axis=1)
+    sigma = np.stack([rows.number(f"sigma_{name}") for name in enu], axis=1)
     sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma)
     rows.tell_where(np.any(sigma < 0.0, axis=1), "found a negative σ, expected a σ ≥ 0")
     if table.fixed and len(table.fixed) < 3:

@@ -55,17 +55,15 @@ class Subgrid(NamedTuple):
         with np.errstate(over="ignore"):  # steps may be as small as a file says
             place = np.stack([(geodetic[:, 0] - self.south) / self.steps[0], to_west / self.steps[1]])
         last = np.array([[rows - 1.0], [columns - 1.0]])
-        inside = np.all((place >= -_EDGE) & (place <= last + _EDGE), axis=0)
+        # Steps beyond an edge that round-off of its coordinates may amount to.
+        edge = 1e-6
+        inside = np.all((place >= -edge) & (place <= last + edge), axis=0)
         place = np.where(inside, np.clip(place, 0.0, last), 0.0)
         i, j = np.minimum(place, last - 1.0).astype(int)
         up, left = (place - [i, j])[:, :, None]
         lower = self.nodes[i, j] * (1.0 - left) + self.nodes[i, j + 1] * left
         upper = self.nodes[i + 1, j] * (1.0 - left) + self.nodes[i + 1, j + 1] * left
         return np.asarray(np.where(inside[:, None], lower * (1.0 - up) + upper * up, np.nan))
-
-
-_EDGE = 1e-6
-"""Steps beyond an edge that round-off of its coordinates may amount to."""
 
 
 def read_gsb(file: Path) -> list[Subgrid]:

@@ -48,8 +48,6 @@ _DIRECTIONS = 100
 """Directions of the axis that are tried."""
 _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
-_AGREEING, _SAME = 5, 1e-3
-"""Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
 
 
 class Held(NamedTuple):
@@ -185,10 +183,12 @@ def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: 
 
     fits: list[tuple[float, FittedShape]] = []
     ordered = [sorted(some, key=lambda guess: _squares(type_, q, guess))[:_REFINED] for some in guesses]
+    # Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed.
+    agreeing, same = 5, 1e-3
     for guess in chain.from_iterable(ordered):
         fit = adjusted(guess)
         fits = sorted([*fits, (_squares(type_, q, fit), fit)], key=lambda one: one[0])
-        if len(fits) >= _AGREEING and fits[_AGREEING - 1][0] <= (1.0 + _SAME) * fits[0][0]:
+        if len(fits) >= agreeing and fits[agreeing - 1][0] <= (1.0 + same) * fits[0][0]:
             break
     return fits[0][1] if fits else None
 

@@ -479,8 +479,6 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
 
 Given: TypeAlias = pl.DataFrame | str
 """A table beside the project, or the text of a matrix."""
-_REMARKED = 50
-"""Things that nothing determines that are named in the adjusted project."""
 
 
 def adjusted_project(placed: Placed, document: Document, source: Path, target: Path) -> tuple[str, dict[str, Given]]:
@@ -552,12 +550,14 @@ def start_names(section: str, count: int) -> list[str]:
 
 def remarks(things: Sequence[UndeterminedObject]) -> str:
     """Comments that say what did not take part, or only with its direction."""
+    # Things that nothing determines that are named in the adjusted project.
+    remarked = 50
     lines = [
         f"# {thing.treatment}: {thing.kind} {json.dumps(thing.name, ensure_ascii=False)}: {thing.reason}"
-        for thing in things[:_REMARKED]
+        for thing in things[:remarked]
     ]
-    if len(things) > _REMARKED:
-        lines.append(f"# and {len(things) - _REMARKED} more: undetermined.csv has all of them")
+    if len(things) > remarked:
+        lines.append(f"# and {len(things) - remarked} more: undetermined.csv has all of them")
     return "".join(f"{line}\n" for line in lines)
 
 

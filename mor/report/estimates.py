@@ -47,9 +47,6 @@ from mor.units import ANGLE_UNITS, IMAGE
 
 # ---- Error ellipses and ellipsoids of points, and those of the differences of pairs of points.
 
-AT_A_TIME = 100
-"""Pairs whose covariances are worked out together."""
-
 
 def ellipse_table(solved: Solved) -> pl.DataFrame:
     """Points with unknowns: ellipse in plan, and the semi-axes of the ellipsoid with directions.
@@ -81,8 +78,10 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
         return []
     ids = solved.network.blocks["point"].ids
     differences = np.diff(solved.adjustment.values["point"][pairs], axis=1)[:, 0]
+    # Pairs whose covariances are worked out together.
+    at_a_time = 100
     parts = [
-        _of_differences(solved.quality, pairs[first : first + AT_A_TIME]) for first in range(0, len(pairs), AT_A_TIME)
+        _of_differences(solved.quality, pairs[first : first + at_a_time]) for first in range(0, len(pairs), at_a_time)
     ]
     covariance = np.concatenate([np.zeros((0, 3, 3)), *parts])
     lengths = np.linalg.norm(differences, axis=1)
@@ -539,8 +538,6 @@ def _row(thing: UndeterminedObject) -> dict[str, Any]:
 
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
 
-_X, _Z = np.eye(3)[[0, 2]]
-
 
 def feature_table(solved: Solved) -> pl.DataFrame:
     """One row for every feature, two for a right angle, in project axes and length unit.
@@ -652,9 +649,10 @@ def _feature_sigma(
 
 def _parts(feature: Feature, count: int) -> list[tuple[str, FloatArray, np.ndarray]]:
     first = np.arange(count) < len(feature.points)
+    x, z = np.eye(3)[[0, 2]]
     if feature.type == "right angle":
-        return [("points", _Z, first), ("other", _X, ~first)]
-    return [("", _Z, first)]
+        return [("points", z, first), ("other", x, ~first)]
+    return [("", z, first)]
 
 
 # ---- Trajectories in the result: every knot with its pose and σ, misalignments of inertial systems.

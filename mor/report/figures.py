@@ -311,8 +311,6 @@ def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
 
 # ---- Charts of the tests: w against the normal distribution, redundancy, rays, angles.
 
-_MOST_FRAMES = 400
-
 
 def normal_histogram(w: FloatArray, critical: float, words: Words) -> Figure:
     """Density of the test values with the standard normal density and the critical values.
@@ -390,13 +388,14 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
         parts.append(
             (words("sets and groups"), data.sets.select(pl.col("set").alias("id"), "mean_r"), ORANGE, "diamond")
         )
+    most_frames = 400
     traces = [
         {
             "type": "scatter",
             "mode": "markers",
             "name": name,
-            "x": [str(label) for label in frame["id"]][:_MOST_FRAMES],
-            "y": numbers(frame["mean_r"].cast(pl.Float64).fill_null(np.nan).to_numpy())[:_MOST_FRAMES],
+            "x": [str(label) for label in frame["id"]][:most_frames],
+            "y": numbers(frame["mean_r"].cast(pl.Float64).fill_null(np.nan).to_numpy())[:most_frames],
             "marker": {"color": colour, "symbol": symbol, "size": 8},
             "hovertemplate": f"%{{x}}: {words('mean r')} %{{y:.3f}}<extra></extra>",
         }

@@ -191,7 +191,6 @@ def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, he
 # ---- Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
 
 WIDTH, HEIGHT = 300, 170
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 12, 24, 22
 _AXES = ("x", "y", "z")
 _MARKS = ("M-2.5 0 0-2.5 2.5 0 0 2.5z", "M-2-2H2V2H-2z", "M0-3 2.8 2H-2.8z")
 """Marks of the coordinates, told apart without colours: diamond, square, triangle."""
@@ -204,19 +203,20 @@ def series_drawing(
     reach = np.nan_to_num(np.abs(moved) + 2.0 * sigma)
     most = float(reach.max(initial=0.0)) or 1.0
     first, last = float(years.min()), float(years.max())
-    x = _LEFT + (years - first) / max(last - first, 1e-9) * (WIDTH - _LEFT - _RIGHT)
-    middle = (_TOP + HEIGHT - _BOTTOM) / 2.0
-    per = (HEIGHT - _BOTTOM - _TOP) / 2.0 / most
+    left, right, top, bottom = 44, 12, 24, 22
+    x = left + (years - first) / max(last - first, 1e-9) * (WIDTH - left - right)
+    middle = (top + HEIGHT - bottom) / 2.0
+    per = (HEIGHT - bottom - top) / 2.0 / most
     parts = [
-        f'<line class="zero" x1="{_LEFT}" y1="{middle:.1f}" x2="{WIDTH - _RIGHT}" y2="{middle:.1f}"/>',
-        f'<text class="title" x="{_LEFT}" y="14">{escape(name)}</text>',
+        f'<line class="zero" x1="{left}" y1="{middle:.1f}" x2="{WIDTH - right}" y2="{middle:.1f}"/>',
+        f'<text class="title" x="{left}" y="14">{escape(name)}</text>',
         *(
-            f'<text x="{_LEFT - 5}" y="{middle - sign * most * per + 4:.1f}" text-anchor="end">'
+            f'<text x="{left - 5}" y="{middle - sign * most * per + 4:.1f}" text-anchor="end">'
             f"{'−' if sign < 0 else ''}{most if sign else 0:.2g}</text>"
             for sign in (1, 0, -1)
         ),
-        f'<text x="{_LEFT}" y="{HEIGHT - 6}">{first:.1f}</text>',
-        f'<text x="{WIDTH - _RIGHT}" y="{HEIGHT - 6}" text-anchor="end">{last:.1f}</text>',
+        f'<text x="{left}" y="{HEIGHT - 6}">{first:.1f}</text>',
+        f'<text x="{WIDTH - right}" y="{HEIGHT - 6}" text-anchor="end">{last:.1f}</text>',
     ]
     for k, axis in enumerate(_AXES):
         if not (sigma[:, k] > 0.0).any():
@@ -229,7 +229,7 @@ def series_drawing(
             f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{_MARKS[k]}"/>'
             for a, b, s in zip(x, y, 2.0 * sigma[:, k] * per, strict=True)
         ]
-    shown = WIDTH - _RIGHT
+    shown = WIDTH - right
     for k, axis in reversed(list(enumerate(_AXES))):
         parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
         parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{_MARKS[k]}"/>')

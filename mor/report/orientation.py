@@ -637,8 +637,6 @@ def _valued(row: dict[str, Any], keys: tuple[str, ...], digits: int) -> list[str
 
 # ---- A plane object for reading, every admissible solution.
 
-OVER_CONSTANT = "flying height / c"
-"""Correlated as the flying height itself."""
 MOST = 14
 """Results whose correlations are shown; of more they are in the JSON."""
 
@@ -688,16 +686,18 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
         for k, i in enumerate(solution["images"], start=1)
     ]
     length = words.listed("length")
+    # Correlated as the flying height itself.
+    over_constant = "flying height / c"
     results = [
         [words.listed(r["kind"]), r["of"], said, fixed(r["value"], 5), fixed(r["sigma"], 5)]
         for r in solution["results"]
-        for said in [words.listed({"angle": unit, OVER_CONSTANT: "length / c"}.get(r["kind"], "length"))]
+        for said in [words.listed({"angle": unit, over_constant: "length / c"}.get(r["kind"], "length"))]
     ]
     lines = [table(["point", *_headed(("X", "Y", "Z"), length), "remark"], points, words=words), ""]
     headers = ["image", *_headed(("X0", "Y0", "Z0"), length), *_headed(("omega", "phi", "kappa"), unit)]
     lines += [table(headers, images, words=words), ""]
     lines.append(table(["result", "of", "unit", "value", "sigma"], results, left=3, words=words))
-    shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != OVER_CONSTANT]
+    shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != over_constant]
     matrix = [[solution["correlation"][i][j] for j in shown] for i in shown]
     if len(shown) <= MOST and any(value is not None for row in matrix for value in row):
         names = [f"{words.listed(solution['results'][k]['kind'])} {solution['results'][k]['of']}" for k in shown]

@@ -82,8 +82,6 @@ BROWSERS = (
     *("microsoft-edge", "microsoft-edge-stable", "msedge"),
 )
 """Programs that print a page as PDF without a window; Firefox does not."""
-_LONGEST = 600.0
-"""Seconds a browser may take over the largest page."""
 
 
 def running_heads(title: str, identity: dict[str, Any], words: Words) -> Markup:
@@ -150,10 +148,12 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
     ]
     if sys.platform != "win32" and os.geteuid() == 0:
         options.append("--no-sandbox")  # the sandbox of chromium refuses to work for root
+    # Seconds a browser may take over the largest page.
+    longest = 600.0
     try:
-        done = subprocess.run([program, *options, sheet.as_uri()], capture_output=True, timeout=_LONGEST, check=False)
+        done = subprocess.run([program, *options, sheet.as_uri()], capture_output=True, timeout=longest, check=False)
     except subprocess.TimeoutExpired:
-        return f"it took more than {_LONGEST:g} s"
+        return f"it took more than {longest:g} s"
     return done.stderr.decode(errors="replace")
 
 

@@ -35,7 +35,6 @@ from mor.units import parse_dms
 # Source: *DynAdjust User's Guide*, appendix on DNA file formats: columns of 20 characters for names, values
 # behind column 62, angles in degrees, minutes and seconds, their σ in seconds.
 
-_MARK = "!#=DNA"
 NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
 VALUES = 62
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -146,9 +145,10 @@ def marked_lines(path: Path, draft: Draft) -> list[str]:
     lines = read_lines(path, draft)
     words = (lines[0] if lines else "").split()
     version = words[1].partition(".")[0] if len(words) > 1 else ""
-    if not lines or not lines[0].startswith(_MARK) or version not in ("3", "300", "301"):
+    mark = "!#=DNA"
+    if not lines or not lines[0].startswith(mark) or version not in ("3", "300", "301"):
         said = lines[0][:30] if lines else ""
-        raise InputError([Message(f"found {said!r}, expected {_MARK} 3 in the first line", str(path), 1)])
+        raise InputError([Message(f"found {said!r}, expected {mark} 3 in the first line", str(path), 1)])
     return lines
 
 
@@ -564,8 +564,6 @@ SYSTEMS = {
     "ITRF2020": 9990,
 }
 """Geographic systems of the frames that DynAdjust's files are in, by EPSG code."""
-_ZONES = {"GDA94": 28300, "GDA2020": 7800}
-"""EPSG codes of the map grids of these frames, without their zones."""
 _HELD = "1e-6"
 """σ (m) of what is held in part: DynAdjust's own."""
 
@@ -698,6 +696,8 @@ def _place(station: StationRecord, frame: str, N: float) -> list[str]:
             raise ValueError(f"found the latitude {latitude:g}, expected it between -90 and 90")
         return [repr(latitude), repr(longitude), repr(parse_number(words[2]) - (N if kind == "LLh" else 0.0))]
     values = np.array([[parse_number(word) for word in words]])
+    # EPSG codes of the map grids of these frames, without their zones.
+    zones = {"GDA94": 28300, "GDA2020": 7800}
     if kind == "XYZ":
         latitude, longitude, height = _system(SYSTEMS[frame]).ellipsoid.geodetic(values)[0].tolist()
         height -= N
@@ -705,9 +705,9 @@ def _place(station: StationRecord, frame: str, N: float) -> list[str]:
         zone = station.zone
         if not zone.isdecimal() or not 1 <= int(zone) <= 60:
             raise ValueError(f"found the zone {zone!r}, expected a number from 1 to 60")
-        if frame not in _ZONES:
+        if frame not in zones:
             raise ValueError(f"found UTM in {frame}, which has no map grid; expected LLH or XYZ")
-        grid = _system(_ZONES[frame] + int(zone))
+        grid = _system(zones[frame] + int(zone))
         latitude, longitude, height = grid.to_geodetic(values)[0].tolist()
     else:
         raise ValueError(f"found coordinates in {kind!r}, expected LLH, UTM or XYZ")

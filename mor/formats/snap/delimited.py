@@ -38,7 +38,6 @@ _ALSO = {
     "time_format": "datetime_format",
     "angle_error_unit": "angle_error_units",
 }
-_FORMS = {"degrees": "deg", "dms_angles": "dms", "hp_angles": "hp"}
 
 
 @dataclass
@@ -213,8 +212,9 @@ def _classes(columns: list[str], cells: dict[str, str]) -> dict[str, str]:
 
 def form_of(text: str) -> str:
     """``deg``, ``dms`` or ``hp``. Raises ``ValueError``."""
-    form = _FORMS.get(text.lower(), text.lower() or "deg")
-    if form not in _FORMS.values():
+    forms = {"degrees": "deg", "dms_angles": "dms", "hp_angles": "hp"}
+    form = forms.get(text.lower(), text.lower() or "deg")
+    if form not in forms.values():
         raise ValueError(f"found the form of angles {text!r}, expected degrees, dms or hp")
     return form
 

@@ -131,7 +131,6 @@ def _sexagesimal(degrees: float, minutes: float, seconds: float) -> float:
 # ---- σ of observations that come from commands (#ds_error 20 mm 10 ppm), not from their lines.
 
 _METRES = {"mm": 1e-3, "m": 1.0}
-_SECONDS = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
 
 
 class Error(NamedTuple):
@@ -161,12 +160,13 @@ class Error(NamedTuple):
 def error_of(words: WordReader) -> Error:
     """The σ that a command says: numbers with their units. Raises ``ValueError``."""
     found = dict.fromkeys(Error._fields, 0.0)
+    seconds = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
     while words:
         value, unit = words.number("a number"), words.take("a unit").lower()
         if value < 0.0:
             raise ValueError(f"found {value:g}, expected an error of 0 or more")
-        if unit in _SECONDS:
-            found["seconds"] = value * _SECONDS[unit]
+        if unit in seconds:
+            found["seconds"] = value * seconds[unit]
         elif unit in _METRES:
             found["metres"] = float(np.hypot(found["metres"], value * _METRES[unit]))
         elif unit == "mmrkm" and words.skip("sqrt"):  # per root of the length of a levelling line in km

@@ -238,8 +238,6 @@ def _lower(Q: FloatArray) -> Iterator[str]:
 
 # ---- A network on the earth as SNAP's command file, coordinate file and data file.
 
-_LONGEST = 15
-"""Letters of a station's code (help of SNAP, *Station codes*)."""
 _DEGREES, _METRES = (12, 3e-14), (9, 1e-9)
 """Decimals of coordinates, and what the way through the network takes of them."""
 
@@ -325,9 +323,11 @@ def _name(system: ReferenceSystem) -> tuple[str, str]:
 
 def _check_points(points: EarthPoints, file: str) -> None:
     problems = []
+    # Letters of a station's code (help of SNAP, *Station codes*).
+    longest = 15
     for name, held in zip(points.ids, points.held.tolist(), strict=True):
-        if not name or len(name) > _LONGEST or set(name) & set(" \t!-") or name[0] in "#*&":
-            words = f"SNAP's codes have up to {_LONGEST} letters, no blanks, ! and -, and do not begin with #, * or &"
+        if not name or len(name) > longest or set(name) & set(" \t!-") or name[0] in "#*&":
+            words = f"SNAP's codes have up to {longest} letters, no blanks, ! and -, and do not begin with #, * or &"
             problems.append(Message(f"{name!r}: {words}", file))
         if any(held) and not all(held):
             words = f"point {name!r} is held in some components only: SNAP's files are written with all or none"
