@@ -145,8 +145,9 @@ def _decided(observations: int, times: int) -> bool:
                 # Take all kernels from the cache; raises where it is not whole.
                 folder = _folder()
                 for name, checksum in json.loads((folder / _SEAL).read_text()).items():
-                    if _checksum(folder / name) != checksum:
-                        raise _UnusableError(f"the cache of kernels is damaged, mor compile renews it: {folder / name}")
+                    file = folder / name
+                    if _checksum(file) != checksum:
+                        raise _UnusableError(f"the cache of kernels is damaged, mor compile renews it: {file}")
                 with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
                     os.utime(folder)
                 for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):

@@ -244,12 +244,25 @@ def reference_table(solved: Solved) -> pl.DataFrame:
 def image_table(solved: Solved) -> pl.DataFrame:
     """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
     things = solved.network.things["image"]
+    images = solved.network.things["image"]
+    count = np.zeros(len(images.ids), dtype=np.int64)
+    square = np.zeros(len(images.ids))
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        if not is_image_point(group.type):
+            continue
+        which = places_of(group.references[0], images.ids)
+        count += np.bincount(which, minlength=len(count))
+        if solved.quality is not None and group.external is not None:
+            squares = _squares(solved.quality.groups[number].v, group.external.factors)
+            square += np.bincount(which, weights=squares, minlength=len(count))
+    rms = np.sqrt(square / np.maximum(2 * count, 1)) if solved.quality is not None else np.full(len(count), np.nan)
     return _frame(
         {
             "id": list(things.ids),
             "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
             **_image_poses(solved),
-            **_image_residuals(solved),
+            "points": count,
+            "rms": np.where(count > 0, rms, np.nan),
             **control_of_images(solved),
             **motion_columns(solved),
         }
@@ -457,22 +470,6 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
                 target = rays if is_image else others
                 target += np.bincount(numbers, minlength=count)
     return rays, others
-
-
-def _image_residuals(solved: Solved) -> dict[str, Any]:
-    images = solved.network.things["image"]
-    count = np.zeros(len(images.ids), dtype=np.int64)
-    square = np.zeros(len(images.ids))
-    for number, group in enumerate(solved.adjustment.problem.groups):
-        if not is_image_point(group.type):
-            continue
-        which = places_of(group.references[0], images.ids)
-        count += np.bincount(which, minlength=len(count))
-        if solved.quality is not None and group.external is not None:
-            squares = _squares(solved.quality.groups[number].v, group.external.factors)
-            square += np.bincount(which, weights=squares, minlength=len(count))
-    rms = np.sqrt(square / np.maximum(2 * count, 1)) if solved.quality is not None else np.full(len(count), np.nan)
-    return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
 
 
 def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:

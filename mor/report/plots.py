@@ -388,7 +388,13 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
 def _draw_network(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     draw_sights(view, axes, chosen, words)
     draw_paths(view, axes, chosen, words)
-    _frames(view, axes, chosen, words)
+    for frame, name, marker, colour in (
+        (view.images, words("images"), "D", ORANGE),
+        (view.stations, words("stations"), "^", RED),
+    ):
+        if frame.height:
+            xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
+            axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
 
@@ -469,16 +475,6 @@ def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, 
     axes.ticklabel_format(useOffset=False, style="plain")
     axes.set_aspect("equal", adjustable="datalim")
     return axes, chosen
-
-
-def _frames(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
-    for frame, name, marker, colour in (
-        (view.images, words("images"), "D", ORANGE),
-        (view.stations, words("stations"), "^", RED),
-    ):
-        if frame.height:
-            xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
-            axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
 
 
 def _points(view: View, axes: Axes, chosen: list[int], words: Words) -> None:

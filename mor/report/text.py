@@ -204,8 +204,19 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
     if solved.quality is None:
         said = [*verdict(solved, words), *undetermined_section(solved, words).splitlines()]
         return "\n".join(_fewer([line for line in said if line], LINES, words))
+    data = summary(solved)
+    counts = words(
+        "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
+        n=data["observations"],
+        u=data["unknowns"],
+        d=data["defect"],
+        redundancy=data["redundancy"],
+        after=short(data["sigma0"]["aposteriori"], 5),
+        before=short(data["sigma0"]["apriori"], 5),
+    )
     lines = [
-        *_figures(solved, words),
+        counts,
+        words("Datum: {datum}", datum=datum_name(data["datum"], words)),
         *_worst(solved, words),
         *_points(solved, words),
         *_cameras(solved, words),
@@ -236,20 +247,6 @@ def _fewer(lines: list[str], most: int, words: Words) -> list[str]:
 
 def _cut(line: str) -> str:
     return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"
-
-
-def _figures(solved: Solved, words: Words) -> list[str]:
-    data = summary(solved)
-    counts = words(
-        "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
-        n=data["observations"],
-        u=data["unknowns"],
-        d=data["defect"],
-        redundancy=data["redundancy"],
-        after=short(data["sigma0"]["aposteriori"], 5),
-        before=short(data["sigma0"]["apriori"], 5),
-    )
-    return [counts, words("Datum: {datum}", datum=datum_name(data["datum"], words))]
 
 
 def _worst(solved: Solved, words: Words) -> list[str]:

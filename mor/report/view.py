@@ -156,22 +156,18 @@ def view_of_folder(folder: Path) -> View:
             ]
         )
     try:
-        return _view(data, folder)
+        points, images = (_table(data, name, folder) for name in ("points", "images"))
+        view = view_of_rows(data, points, images, _residuals(data, folder))
+        if (folder / FILE).is_file():
+            view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
+        return replace(
+            view,
+            movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
+            trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
+        )
     except (KeyError, TypeError, pl.exceptions.PolarsError):
         words = "these results are not complete"
         raise InputError([Message(words, str(path))]) from None
-
-
-def _view(data: dict[str, Any], folder: Path) -> View:
-    points, images = (_table(data, name, folder) for name in ("points", "images"))
-    view = view_of_rows(data, points, images, _residuals(data, folder))
-    if (folder / FILE).is_file():
-        view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
-    return replace(
-        view,
-        movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
-        trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
-    )
 
 
 def _additional(
