@@ -111,7 +111,10 @@ def run(arguments: Sequence[str] | None = None, signals: Sequence[int] = ()) -> 
         show(error, language)
         return ExitCode.INPUT
     except (KeyboardInterrupt, click.Abort) as error:
-        return _interrupted(_code_of_signal(error), language)
+        # Exit code after the signal that interrupted; click puts an interruption behind an error of its own.
+        interruption = error.__cause__ if isinstance(error, click.Abort) else error
+        number = next((one for one in getattr(interruption, "args", ()) if isinstance(one, int)), None)
+        return _interrupted(INTERRUPTED if number is None else 128 + int(number), language)
     except MorError as error:
         _tell(error, language)
         return error.exit_code
@@ -156,13 +159,6 @@ def _said(error: MorError, language: str) -> str:
 def _interrupted(code: int, language: str) -> int:
     tell("interrupted; no file was left incomplete", language)
     return code
-
-
-def _code_of_signal(error: BaseException) -> int:
-    """Exit code after the signal that interrupted; click puts an interruption behind an error of its own."""
-    interruption = error.__cause__ if isinstance(error, click.Abort) else error
-    number = next((one for one in getattr(interruption, "args", ()) if isinstance(one, int)), None)
-    return INTERRUPTED if number is None else 128 + int(number)
 
 
 def _internal(error: Exception, language: str) -> int:

@@ -63,19 +63,15 @@ def _perspective(values: Numbers, side: float, width: float, height: float) -> I
     return "mor", {"c": c, **radial}
 
 
-def _two_focal_lengths(values: Numbers, side: float, width: float, height: float) -> dict[str, float]:
-    fx = values.get("focal_x", values.get("focal", 0.0))
-    return {
-        "fx": fx * side,
-        "fy": values.get("focal_y", fx) * side,
-        "cx": values.get("c_x", 0.0) * side + width / 2.0,
-        "cy": values.get("c_y", 0.0) * side + height / 2.0,
-    }
-
-
 def _opencv(*names: str, model: str = "opencv") -> Callable[[Numbers, float, float, float], Interior]:
     def interior(values: Numbers, side: float, width: float, height: float) -> Interior:
-        focal = _two_focal_lengths(values, side, width, height)
+        fx = values.get("focal_x", values.get("focal", 0.0))
+        focal = {
+            "fx": fx * side,
+            "fy": values.get("focal_y", fx) * side,
+            "cx": values.get("c_x", 0.0) * side + width / 2.0,
+            "cy": values.get("c_y", 0.0) * side + height / 2.0,
+        }
         return model, {**focal, **{name: values.get(name, 0.0) for name in names}}
 
     return interior

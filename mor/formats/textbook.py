@@ -233,20 +233,6 @@ def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) ->
     return None
 
 
-def put_coordinates(coordinates: Coordinates, draft: Draft) -> None:
-    """Tables of points by their fixed components, observed coordinates, and the datum."""
-    tables: dict[str, list[Row]] = {}
-    for name, texts in coordinates.texts.items():
-        held = "".join(c for c in coordinates.estimated if (name, c) in coordinates.fixed)
-        tables.setdefault(held, []).append(Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name]))
-    for held, rows in tables.items():
-        draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
-    if coordinates.free is not None:
-        draft.put("datum", _free(coordinates), coordinates.datum_line)
-    if coordinates.covariance:
-        _put_observed(coordinates, draft)
-
-
 def _free(coordinates: Coordinates) -> dict[str, object]:
     if not coordinates.free:
         return {"free": "all"}
@@ -320,10 +306,25 @@ def read_krumm(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "gon"})
     draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
     coordinates = read_coordinates(sections, estimated, draft)
-    put_coordinates(coordinates, draft)
+    # Tables of points by their fixed components, observed coordinates, and the datum.
+    tables: dict[str, list[Row]] = {}
+    for name, texts in coordinates.texts.items():
+        held = "".join(c for c in coordinates.estimated if (name, c) in coordinates.fixed)
+        tables.setdefault(held, []).append(Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name]))
+    for held, rows in tables.items():
+        draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
+    if coordinates.free is not None:
+        draft.put("datum", _free(coordinates), coordinates.datum_line)
+    if coordinates.covariance:
+        _put_observed(coordinates, draft)
     _put_orientations([section for section in sections if section.name == "ApproximateOrientation"], draft)
     for section in observed:
-        _put_section(section, draft)
+        if section.name == "LevelledHeightDifferences":
+            _put_levelling(section, draft)
+        elif section.name == "3DBaseline":
+            _put_baselines(section, draft)
+        else:
+            _put_plain(section, KINDS[section.name], draft)
     settings = {"dimensions": estimated}
     for section in sections:
         if (
@@ -350,15 +351,6 @@ def _is_positive(word: str, line: Line, draft: Draft) -> bool:
     if not good:
         draft.problem(f"found {word!r}, expected a number > 0", line.number)
     return good
-
-
-def _put_section(section: TextSection, draft: Draft) -> None:
-    if section.name == "LevelledHeightDifferences":
-        _put_levelling(section, draft)
-    elif section.name == "3DBaseline":
-        _put_baselines(section, draft)
-    else:
-        _put_plain(section, KINDS[section.name], draft)
 
 
 def _put_plain(section: TextSection, kind: KrummKind, draft: Draft) -> None:

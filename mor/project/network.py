@@ -281,27 +281,23 @@ def rows_of_covariance(entry: Observations, place: TableLocation) -> Sequence[Se
         place.tell(f"covariance: file {entry.covariance!r} does not exist", "covariance")
         return None
     try:
-        return _rows_of_file(path)
+        # Numbers of a CSV file without header. Raises :class:`InputError`.
+        rows, problems = [], []
+        for number, line in enumerate(read_text(path).split("\n"), start=1):
+            cells = [cell.strip() for cell in line.split(",")]
+            if not line.strip():
+                continue
+            try:
+                rows.append([float(cell) for cell in cells])
+            except ValueError:
+                bad = next(cell for cell in cells if not _is_number(cell))
+                problems.append(Message(f"found {bad!r}, expected a number", str(path), number))
+        if problems:
+            raise InputError(problems)
+        return rows
     except InputError as error:
         place.problems.extend(error.problems)
         return None
-
-
-def _rows_of_file(path: Path) -> list[list[float]]:
-    """Numbers of a CSV file without header. Raises :class:`InputError`."""
-    rows, problems = [], []
-    for number, line in enumerate(read_text(path).split("\n"), start=1):
-        cells = [cell.strip() for cell in line.split(",")]
-        if not line.strip():
-            continue
-        try:
-            rows.append([float(cell) for cell in cells])
-        except ValueError:
-            bad = next(cell for cell in cells if not _is_number(cell))
-            problems.append(Message(f"found {bad!r}, expected a number", str(path), number))
-    if problems:
-        raise InputError(problems)
-    return rows
 
 
 def _is_number(text: str) -> bool:

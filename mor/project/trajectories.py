@@ -425,10 +425,19 @@ def _group(
     observed = np.stack([own.number(c.name) for c in type_.components], axis=1)
     sigma = np.stack([own_or_common(own.number(f"sigma_{c.name}"), common) for c in type_.components], axis=1)
     own.tell_where(np.asarray(~np.isfinite(observed).any(axis=1)), "nothing is observed in this row")
+    count = len(chosen)
+    arm, _, offset = type_.slots[-3:]
+    things, shop = reading.shop.things["instrument"], reading.shop
+    blocks = []
+    for slot in (arm, offset):
+        block = things.part(entry.instrument, slot.part) if entry.instrument else -1
+        neutral = 0 if slot.kind == "eccentricity" else -1
+        block = neutral if block < 0 else block
+        blocks.append(np.full(count, shop.neutral(slot.kind) if block < 0 else block, dtype=np.int64))
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,
-        blocks=(*positions.T, *rotations.T, *_instrument(reading, entry, type_, len(chosen), shift)),
+        blocks=(*positions.T, *rotations.T, blocks[0], shift, blocks[1]),
         observed=observed,
         sigma=sigma * entry.factor,
         constants=np.concatenate([(times - middle)[:, None], clock.constants], axis=1),
@@ -441,20 +450,6 @@ def _group(
         return None
     size = len(type_.components)
     return ReadGroup(group, number, chosen, np.eye(size), np.ones(size))
-
-
-def _instrument(
-    reading: Reading, entry: Observations, type_: ObservationType, count: int, shift: IntArray
-) -> list[IntArray]:
-    arm, _, offset = type_.slots[-3:]
-    things, shop = reading.shop.things["instrument"], reading.shop
-    blocks = []
-    for slot in (arm, offset):
-        block = things.part(entry.instrument, slot.part) if entry.instrument else -1
-        neutral = 0 if slot.kind == "eccentricity" else -1
-        block = neutral if block < 0 else block
-        blocks.append(np.full(count, shop.neutral(slot.kind) if block < 0 else block, dtype=np.int64))
-    return [blocks[0], shift, blocks[1]]
 
 
 def _shifts(

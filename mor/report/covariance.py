@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -319,16 +319,12 @@ def write_covariance(path: Path, found: Labelled, factor: float | None) -> None:
         ]
         write_rows(path, header, rows)
     else:
-        path.write_text(_matrix_market(found, expanded), encoding="utf-8")
-
-
-def _matrix_market(found: Labelled, expanded: Mapping[str, FloatArray]) -> str:
-    size = len(found.labels)
-    lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
-    lines += [
-        f"% {k + 1}: {label} [{unit}]" + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
-        for k, (label, unit) in enumerate(zip(found.labels, found.units, strict=True))
-    ]
-    lines.append(f"{size} {size}")
-    lines += [repr(float(found.matrix[i, j])) for j in range(size) for i in range(j, size)]
-    return "\n".join(lines) + "\n"
+        size = len(found.labels)
+        lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
+        lines += [
+            f"% {k + 1}: {label} [{unit}]" + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
+            for k, (label, unit) in enumerate(zip(found.labels, found.units, strict=True))
+        ]
+        lines.append(f"{size} {size}")
+        lines += [repr(float(found.matrix[i, j])) for j in range(size) for i in range(j, size)]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")

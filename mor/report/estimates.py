@@ -56,9 +56,14 @@ def ellipse_table(solved: Solved) -> pl.DataFrame:
     numbers = free_points(solved)
     covariance = _covariances(solved, numbers)
     ids = solved.network.blocks["point"].ids
-    return pl.DataFrame(
-        {"id": [ids[k] for k in numbers], **_in_plan(solved, covariance), **_in_space(solved, covariance)}
-    )
+    space = error_ellipsoids(covariance)
+    edge, unit = solved.network.edge, angle_unit(solved)
+    columns: dict[str, FloatArray] = {}
+    for k in range(3):
+        columns[f"axis{k + 1}"] = space.axes[:, k]
+        columns[f"azimuth{k + 1}"] = bearings_of(edge, unit, space.azimuths[:, k])
+        columns[f"elevation{k + 1}"] = space.elevations[:, k] / ANGLE_UNITS[unit]
+    return pl.DataFrame({"id": [ids[k] for k in numbers], **_in_plan(solved, covariance), **columns})
 
 
 def free_points(solved: Solved) -> IntArray:
@@ -148,17 +153,6 @@ def _in_plan(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
     plan, unit = error_ellipses(covariance), angle_unit(solved)
     azimuth = bearings_of(solved.network.edge, unit, plan.azimuth) % float(np.pi / ANGLE_UNITS[unit])
     return {"a": plan.a, "b": plan.b, "azimuth": azimuth}
-
-
-def _in_space(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
-    space = error_ellipsoids(covariance)
-    edge, unit = solved.network.edge, angle_unit(solved)
-    columns: dict[str, FloatArray] = {}
-    for k in range(3):
-        columns[f"axis{k + 1}"] = space.axes[:, k]
-        columns[f"azimuth{k + 1}"] = bearings_of(edge, unit, space.azimuths[:, k])
-        columns[f"elevation{k + 1}"] = space.elevations[:, k] / ANGLE_UNITS[unit]
-    return columns
 
 
 def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -> dict[str, FloatArray]:

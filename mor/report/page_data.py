@@ -125,22 +125,17 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
         pl.col("w").max().alias("largest_w"),
         pl.col("unit").first().alias("unit"),
     )
-    coverage = _coverages(view, measured, areas)
-    return view.images.join(
-        by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
-    ).with_columns(pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64))
-
-
-def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> dict[str, float]:
     camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
-    result: dict[str, float] = {}
+    coverage: dict[str, float] = {}
     for (name,), rows in measured.group_by(["image"], maintain_order=True):
         if camera_of.get(str(name)) not in areas:
             continue  # an image that was left out has no camera any more
         area = areas[camera_of[name]]
         size = (area.x[1] - area.x[0]) * (area.y[1] - area.y[0])
-        result[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
-    return result
+        coverage[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
+    return view.images.join(
+        by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
+    ).with_columns(pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64))
 
 
 def control_table(view: View) -> pl.DataFrame:

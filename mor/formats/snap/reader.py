@@ -304,7 +304,16 @@ def _command(found: _Commands, path: Path, name: str, words: WordReader, places:
         else:
             found.stations, found.form = file, form
     elif name == "mode":
-        _mode(found, words)
+        while words:
+            word = words.take("a mode").lower()
+            if word in ("adjustment", "adjust", "data_check", "free_net", "free_net_adjustment"):
+                found.mode = word
+            elif word in ("1d", "2d", "3d"):
+                found.dimensions = word
+            else:
+                raise ValueError(
+                    f"mode {word} is not supported, expected 1d, 2d or 3d with adjustment, data_check or free_net"
+                )
     elif name in ("horizontal_float_error", "vertical_float_error"):
         value, (horizontal, vertical) = words.number("an error"), found.float_errors
         if not value > 0.0:
@@ -325,19 +334,6 @@ def _command(found: _Commands, path: Path, name: str, words: WordReader, places:
     else:
         return False
     return True
-
-
-def _mode(found: _Commands, words: WordReader) -> None:
-    while words:
-        word = words.take("a mode").lower()
-        if word in ("adjustment", "adjust", "data_check", "free_net", "free_net_adjustment"):
-            found.mode = word
-        elif word in ("1d", "2d", "3d"):
-            found.dimensions = word
-        else:
-            raise ValueError(
-                f"mode {word} is not supported, expected 1d, 2d or 3d with adjustment, data_check or free_net"
-            )
 
 
 def _recode(data: Data, words: WordReader) -> None:

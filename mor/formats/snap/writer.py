@@ -373,14 +373,10 @@ def _commands(content: Content, points: EarthPoints, stem: str) -> list[str]:
     used = {entry.instrument for entry in content.project.observations if entry.type == "zenith_angle"}
     for name in sorted(used, key=str):
         instrument = content.project.instruments.get(name) if name else None
-        lines.append(_refraction(content, refraction_code(name), instrument))
+        # A coefficient of Bomford's, which is half of ours; known, or an unknown.
+        setting = instrument.refraction if instrument is not None else None
+        free = isinstance(setting, Value) and setting.free is not None
+        text = (setting.free or setting.fixed) if isinstance(setting, Value) else setting
+        value = content.edge.number(str(text or "0"), Quantity()) / BOMFORD
+        lines.append(f"refraction_coefficient {refraction_code(name)} {value!r}{' calculate' if free else ''}")
     return lines
-
-
-def _refraction(content: Content, code: str, instrument: Instrument | None) -> str:
-    """A coefficient of Bomford's, which is half of ours; known, or an unknown."""
-    setting = instrument.refraction if instrument is not None else None
-    free = isinstance(setting, Value) and setting.free is not None
-    text = (setting.free or setting.fixed) if isinstance(setting, Value) else setting
-    value = content.edge.number(str(text or "0"), Quantity()) / BOMFORD
-    return f"refraction_coefficient {code} {value!r}{' calculate' if free else ''}"
