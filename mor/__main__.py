@@ -22,6 +22,8 @@ def main() -> None:
     """
     heeded = []
     _open_closed_streams()
+    # Exit code where something cannot be written.
+    not_written = 2
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
@@ -47,15 +49,11 @@ def main() -> None:
     except KeyboardInterrupt as interruption:
         code = 128 + int(next(iter(interruption.args), signal.SIGINT))
     except OSError:
-        code = _NOT_WRITTEN
+        code = not_written
     if not _flushed():
-        code = code or _NOT_WRITTEN
+        code = code or not_written
     gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
-
-
-_NOT_WRITTEN = 2
-"""Exit code where something cannot be written."""
 
 
 def _flushed() -> bool:
@@ -131,7 +129,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 def _interrupt_later(number: int) -> None:
     signal.signal(signal.SIGALRM, lambda _, there: _interrupt(number, there))
-    signal.setitimer(signal.ITIMER_REAL, _A_MOMENT)
+    signal.setitimer(signal.ITIMER_REAL, 1e-3)  # seconds
 
 
 def _unraisable(lost: sys.UnraisableHookArgs) -> None:
@@ -147,8 +145,6 @@ def _unraisable(lost: sys.UnraisableHookArgs) -> None:
 
 _CAME: list[int] = []
 """Signals that have interrupted this run."""
-_A_MOMENT = 1e-3
-"""Seconds."""
 
 
 def _heed_warnings() -> None:

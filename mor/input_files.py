@@ -30,8 +30,6 @@ LIMITS = {
 TABLE, PROJECT = "MOR_MAX_FILE_MB", "MOR_MAX_PROJECT_MB"
 """Limits of the size of a table, and of what is not a table: project files and foreign ones."""
 _MB = 1_000_000
-_PART = 1 << 22
-"""Bytes that are unpacked together."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 CODE_PAGES = {
     "gb18030": "Chinese",
@@ -301,7 +299,9 @@ def _unpacked_size(path: Path, most: int) -> int:
     if path.stat().st_size * 1032 <= most:
         return 0
     size = 0
+    # Bytes that are unpacked together.
+    at_a_time = 1 << 22
     with gzip.open(path) as file:
-        while size <= most and (part := file.read(_PART)):
+        while size <= most and (part := file.read(at_a_time)):
             size += len(part)
     return size

@@ -479,15 +479,13 @@ class Result:
     def _table(self, frame: pl.DataFrame) -> Table:
         from mor.report.units import angle_unit
 
-        units = dict.fromkeys(_LENGTHS, self._length) | dict.fromkeys(_ANGLES, angle_unit(self.solved))
+        lengths = (
+            *("x", "y", "z", "sx", "sy", "sz", "height"),
+            *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
+        )
+        angles = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
+        units = dict.fromkeys(lengths, self._length) | dict.fromkeys(angles, angle_unit(self.solved))
         return Table(frame, {name: units[name] for name in frame.columns if name in units})
-
-
-_LENGTHS = (
-    *("x", "y", "z", "sx", "sy", "sz", "height"),
-    *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
-)
-_ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
 
 
 # ---- From a project to its result.

@@ -116,9 +116,10 @@ def tasks() -> list[VerificationTask]:
         found.append(VerificationTask(About("start values", name, small[key]["source"]), partial(run, small[key])))
     about = About("threads", "block of two images", "the same adjustment by one thread")
     found.append(VerificationTask(about, _threads))
-    about = About("processes", _SIMULATED[0], "the same simulation by one process")
-    found.append(VerificationTask(about, partial(_processes, folder / f"{_SIMULATED[0]}.yaml")))
-    for network in _SIMULATED:
+    simulated = ("worked-examples/levelling-free", "textbook/ghilani-16-2-distance-angle-azimuth-fix")
+    about = About("processes", simulated[0], "the same simulation by one process")
+    found.append(VerificationTask(about, partial(_processes, folder / f"{simulated[0]}.yaml")))
+    for network in simulated:
         about = About("Monte Carlo", network, "theory of least squares; limits of chance, level 0.001")
         found.append(VerificationTask(about, partial(_monte_carlo, folder / f"{network}.yaml")))
     return found
@@ -190,13 +191,11 @@ def _columns(data: dict[str, Any], x: FloatArray) -> tuple[FloatArray, FloatArra
     domain = [float(x.min()), float(x.max())]
     mapped = (2.0 * x - sum(domain)) / (domain[1] - domain[0])
     back = np.zeros((degree + 1, degree + 1))
+    plain = [-1.0, 1.0]
     for k in range(degree + 1):
-        coefficients = Chebyshev.basis(k, domain=domain).convert(kind=Polynomial, domain=_PLAIN, window=_PLAIN).coef
+        coefficients = Chebyshev.basis(k, domain=domain).convert(kind=Polynomial, domain=plain, window=plain).coef
         back[: len(coefficients), k] = coefficients
     return np.asarray(chebyshev.chebvander(mapped, degree), dtype=float), back
-
-
-_PLAIN = [-1.0, 1.0]
 
 
 def linear_regression(A: FloatArray, y: FloatArray) -> Quality:
@@ -595,7 +594,6 @@ def _weighted_mean(about: About) -> Iterator[ReferenceCheck]:
 
 # Images without errors: a room of 27 points, four cameras that look at it, Brown's polynomials.
 
-_CUBE = np.array([[i, j, k] for i in (-1.0, 0.1, 1.0) for j in (-0.9, 0.0, 1.0) for k in (-0.5, 0.2, 0.6)])
 _POSES = (
     (0.3, -0.2, 6.0, 0.05, 0.03, 0.4),
     (4.0, 0.5, 4.5, -0.08, 0.72, -1.2),
@@ -618,8 +616,9 @@ def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
 
 
 def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
-    shift = 0.01 * np.cos(np.arange(_CUBE.size)).reshape(_CUBE.shape)
-    points = _CUBE if known == "points" else _CUBE + shift
+    cube = np.array([[i, j, k] for i in (-1.0, 0.1, 1.0) for j in (-0.9, 0.0, 1.0) for k in (-0.5, 0.2, 0.6)])
+    shift = 0.01 * np.cos(np.arange(cube.size)).reshape(cube.shape)
+    points = cube if known == "points" else cube + shift
     rows = [f"[P{k}, {', '.join(map(repr, row))}]" for k, row in enumerate(points.tolist())]
     poses = [
         f"[I{i}, C, {', '.join(repr(v if known == 'images' else v + 0.01) for v in pose)}]"
@@ -632,7 +631,7 @@ def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
     rays = [
         f"[I{i}, P{k}, {x!r}, {y!r}, 0.001]"
         for i, pose in enumerate(_POSES)
-        for k, (x, y) in enumerate(_brown(pose, _CUBE).tolist())
+        for k, (x, y) in enumerate(_brown(pose, cube).tolist())
     ]
     fixed_points = "fixed: [x, y, z], " if known == "points" else ""
     fixed_images = "fixed: [x, y, z, omega, phi, kappa], " if known == "images" else ""
@@ -655,7 +654,7 @@ def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
             "coordinates",
             (
                 (f"P{k} {n}", float(found[f"P{k}"][0][i]), float(row[i]), 1e-10)
-                for k, row in enumerate(_CUBE)
+                for k, row in enumerate(cube)
                 for i, n in enumerate("xyz")
             ),
         )
@@ -911,7 +910,6 @@ def _write_tally(path: str, first: str, count: str) -> int:
 
 # ---- Monte Carlo: σ, coverage, and levels and power of the tests, against what theory promises.
 
-_SIMULATED = ("worked-examples/levelling-free", "textbook/ghilani-16-2-distance-angle-azimuth-fix")
 _RUNS, _SEED = 200, 1
 
 

@@ -41,7 +41,6 @@ from mor.units import IMAGE
 SIGMA = "0.0005"
 """A-priori σ of image coordinates, mm."""
 _FREE = ("c", "xh", "yh", "A1", "A2", "B1", "B2")
-_INTERIOR = ("xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
 
 
 def read_aicon(path: Path) -> Document:
@@ -106,7 +105,8 @@ def _camera(block: list[FileLine]) -> dict[str, Any]:
     _, _, c, xh, yh, a1, a2, r0 = block[0].words[:8]
     (a3,), (b1, b2), (c1, c2) = (line.words[:n] for line, n in zip(block[1:4], (1, 2, 2), strict=True))
     width, _, columns, rows = block[4].words[:4]
-    values = dict(zip(_INTERIOR, (xh, yh, a1, a2, a3, b1, b2, c1, c2), strict=True))
+    known = ("xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
+    values = dict(zip(known, (xh, yh, a1, a2, a3, b1, b2, c1, c2), strict=True))
     interior = {"c": repr(abs(float(c))), **values}
     return {
         "model": "mor",

@@ -122,16 +122,14 @@ class Content(NamedTuple):
 
 def refuse_control_characters(name: str, cells: pl.Series, rows: Rows) -> None:
     """Tell names with characters that XML forbids and text files break lines at."""
-    odd = cells.str.contains(_CONTROL).fill_null(False).to_numpy()
+    # Characters that end a line, or that XML 1.0 has no place for.
+    control = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
+    odd = cells.str.contains(control).fill_null(False).to_numpy()
 
     def words(row: int) -> str:
         return f"{name}: found {cells[row]!r}, expected a name without control characters; rename it"
 
     rows.tell_where(odd, words)
-
-
-_CONTROL = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
-"""Characters that end a line, or that XML 1.0 has no place for."""
 
 
 def _given(rows: Rows, name: str) -> int:

@@ -18,10 +18,6 @@ from mor.project.document import Document
 # and P with the signs of its functions, the opposite of those it reports (and of PhotoModeler's, which
 # ``brown`` has).
 
-_MODELS = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown-5", "-1": "brown-forward"}
-"""mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity."""
-_UNITS = ("mm", "um", "m")
-
 
 class LineReference(NamedTuple):
     """A line of a file."""
@@ -119,11 +115,14 @@ def put_cameras(elements: list[tuple[Element, str]], initial: dict[str, Element]
 def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, Any]:
     own = texts.own
     model, where = texts.model()
-    if model not in _MODELS:
-        raise CameraError(f"found the model {model!r}, expected one of {', '.join(_MODELS)}", where)
+    # mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity.
+    models = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown-5", "-1": "brown-forward"}
+    if model not in models:
+        raise CameraError(f"found the model {model!r}, expected one of {', '.join(models)}", where)
     unit = own["unit"].text.strip() if "unit" in own else "mm"
-    if unit not in _UNITS:
-        raise CameraError(f"found the unit {unit!r}, expected one of {', '.join(_UNITS)}", texts.at(own["unit"]))
+    units = ("mm", "um", "m")
+    if unit not in units:
+        raise CameraError(f"found the unit {unit!r}, expected one of {', '.join(units)}", texts.at(own["unit"]))
     columns, rows, width, height, b1 = _format(texts, name, draft)
     pixel = height / rows
     text, place = texts.find("cc")
@@ -157,7 +156,7 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
         if key in known
     }
     image = {"width": f"{columns:.0f}", "height": f"{rows:.0f}", "pixel": f"{pixel!r} {unit}"}
-    return {"model": _MODELS[model], "unit": unit, "coordinates": "corner", "image": image, "interior": interior}
+    return {"model": models[model], "unit": unit, "coordinates": "corner", "image": image, "interior": interior}
 
 
 def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float, float, float]:
@@ -296,8 +295,6 @@ def initial_values(root: Element) -> dict[str, Element]:
 
 # ---- Text tables of a DBAT project: where they are, columns by their declared format, ids that a filter leaves.
 
-_TEXTS = ("id", "im", "cam", "label", "path")
-
 
 class TableLine(NamedTuple):
     """A line of a table: cells by their column, and where it stands."""
@@ -343,11 +340,12 @@ def table_of(
 
 def _plain(row: dict[str, str], line: int, file: str, draft: Draft) -> bool:
     """Return True if names are there and the rest are numbers."""
+    texts = ("id", "im", "cam", "label", "path")
     try:
         for name, cell in row.items():
             if name in ("id", "im") and not cell:
                 raise ValueError(f"found no {name}")
-            if name not in _TEXTS and parse_number(cell) < 0.0 and name.startswith("s"):
+            if name not in texts and parse_number(cell) < 0.0 and name.startswith("s"):
                 raise ValueError(f"found the σ {cell}, expected 0 or more")
     except ValueError as error:
         draft.problem(str(error), line, file)
@@ -407,8 +405,6 @@ def sigmas(row: TableLine) -> list[str | None]:
 _CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz")
 _MARKS = ("id", "im", "x", "y", "sx", "sy", "sxy")
 _POSES = ("id", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz", "omega", "phi", "kappa", "so", "sp", "sk")
-_ANGLES = {"degrees": "deg", "gon": "gon", "radian": "rad"}
-_READ = ("ctrl_pts", "check_pts", "images", "image_pts", "cameras", "prior_eo", "c")
 SIGMA = "1"
 """σ of image coordinates, px, where the script and its tables have none."""
 
@@ -423,8 +419,9 @@ def read_dbat(path: Path) -> Document:
         raise InputError([Message(words, draft.file, root.line)])
     folder = base_folder(given, path, draft)
     sections = {child.name: child for child in given.children}
+    read = ("ctrl_pts", "check_pts", "images", "image_pts", "cameras", "prior_eo", "c")
     for child in given.children:
-        if child.name not in _READ:
+        if child.name not in read:
             draft.note(f"<{child.name}> is not read", child.line)
     names = [name.text.strip() for meta in root.all("meta") for name in meta.all("name")]
     draft.put("title", next((name for name in names if name), path.stem))
@@ -457,9 +454,10 @@ def _angle_unit(section: Element | None, draft: Draft) -> str:
         return "deg"
     text = given.attributes.get("units", "")
     turned = any(name in given.attributes.get("format", "") for name in EXTERIOR[3:])
-    if text in _ANGLES or (not text and not turned):
-        return _ANGLES.get(text, "deg")
-    draft.problem(f"found units={text!r} of the angles, expected one of {', '.join(_ANGLES)}", given.line)
+    angles = {"degrees": "deg", "gon": "gon", "radian": "rad"}
+    if text in angles or (not text and not turned):
+        return angles.get(text, "deg")
+    draft.problem(f"found units={text!r} of the angles, expected one of {', '.join(angles)}", given.line)
     return "deg"
 
 

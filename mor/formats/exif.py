@@ -15,7 +15,6 @@ from mor.input_files import check_regular, note_input
 from mor.project.document import Document
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png", ".webp", ".heic")
-_MAKE, _MODEL, _FOCAL, _FOCAL_35 = 0x010F, 0x0110, 0x920A, 0xA405
 
 
 class Photograph(NamedTuple):
@@ -71,9 +70,10 @@ def _photograph(path: Path) -> Photograph:
             inner, gps = dict(exif.get_ifd(exif_part)), dict(exif.get_ifd(gps_part))
     except Exception as error:  # noqa: BLE001 - damaged pictures end in errors of all kinds
         raise InputError([Message(f"this picture cannot be read: {error}", str(path))]) from None
-    make, model = (str(exif.get(tag, "")).strip("\0 ") for tag in (_MAKE, _MODEL))
+    tag_of_make, tag_of_model, tag_of_focal, tag_of_focal_35 = 0x010F, 0x0110, 0x920A, 0xA405
+    make, model = (str(exif.get(tag, "")).strip("\0 ") for tag in (tag_of_make, tag_of_model))
     model = model if model.startswith(make) else f"{make} {model}".strip()
-    focal, wide = (_number(inner.get(tag)) for tag in (_FOCAL, _FOCAL_35))
+    focal, wide = (_number(inner.get(tag)) for tag in (tag_of_focal, tag_of_focal_35))
     return Photograph(path, (model, width, height, focal, wide), _place(gps), _number(gps.get(31)))
 
 

@@ -42,7 +42,6 @@ _TYPES = {"1": "height_difference", "2": "directions", "3": "horizontal_distance
 _SIGMA = {"directions": "5e-6", "zenith_angle": "5e-6"}
 SIGMA_LENGTH = "0.002"
 """σ (rad, m) where neither a row, or line, nor its group says any."""
-_FIXED, _OBSERVED, _DATUM = "1", "2", "3"
 _COLUMNS = {
     "height_difference": ("from", "to", "dz", "sigma"),
     "directions": ("station", "set", "to", "horizontal", "sigma"),
@@ -50,7 +49,6 @@ _COLUMNS = {
     "distance": ("from", "to", "distance", "sigma", "from_height", "to_height"),
     "zenith_angle": ("from", "to", "zenith_angle", "sigma", "from_height", "to_height"),
 }
-_LEFT_OUT = ("GNSSObservationApriori", "CongruenceAnalysisPointPairApriori", "VerticalDeflectionApriori")
 
 
 @dataclass
@@ -83,7 +81,8 @@ def read_jag3d_script(path: Path) -> Document:
         _put_observations(script, draft)
     except KeyError as error:
         draft.problem(f"found no column {error} in a table of the project")
-    for name in _LEFT_OUT:
+    left_out = ("GNSSObservationApriori", "CongruenceAnalysisPointPairApriori", "VerticalDeflectionApriori")
+    for name in left_out:
         if script.of(name):
             draft.note(f"{counted(len(script.of(name)), 'row')} of {name} not read", script.of(name)[0][1])
     return draft.finish()
@@ -148,6 +147,7 @@ def _put_points(script: Script, draft: Draft) -> None:
     tables: dict[tuple[str, str], list[Row]] = {}
     datum: list[str] = []
     off = 0
+    is_fixed, is_observed, is_datum = "1", "2", "3"
     for row, line in script.of("PointApriori"):
         group = groups.get(row["group_id"])
         if group is None or not _on(row):
@@ -161,13 +161,13 @@ def _put_points(script: Script, draft: Draft) -> None:
         except ValueError as error:
             draft.problem(f"point {row['name']!r}: {error}", line)
             continue
-        own = sigma if group["type"] == _OBSERVED else []
+        own = sigma if group["type"] == is_observed else []
         tables.setdefault((group["type"], size), []).append(Row([row["name"], *place, *own], line))
-        datum += [row["name"]] if group["type"] == _DATUM else []
+        datum += [row["name"]] if group["type"] == is_datum else []
     for (type_, size), rows in tables.items():
         axes_of = AXES[size]
-        columns = ("id", *axes_of, *(f"sigma_{axis}" for axis in axes_of if type_ == _OBSERVED))
-        draft.table("points", columns, rows, fixed=list(axes_of) if type_ == _FIXED else [])
+        columns = ("id", *axes_of, *(f"sigma_{axis}" for axis in axes_of if type_ == is_observed))
+        draft.table("points", columns, rows, fixed=list(axes_of) if type_ == is_fixed else [])
     if off:
         draft.note(f"{counted(off, 'point')} switched off")
     count = sum(map(len, tables.values()))
@@ -367,10 +367,6 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
 
 # ---- A terrestrial network as JAG3D's column text: a file for each kind of points and each set of directions.
 
-_GON = ANGLE_UNITS["gon"]
-_KINDS = {type_: kind for kind, type_ in OBSERVATIONS.items()}
-_LEAST = 2
-"""Files: one of points, one of observations."""
 Files = dict[str, list[str]]
 
 
@@ -392,7 +388,9 @@ def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
     for group in tables:
         _observations(group, known, content, files, sets)
     files |= {f"directions_{number}.txt": lines for number, lines in enumerate(sets.values(), start=1)}
-    if not any(name.partition("_points_")[1] == "" for name in files) or len(files) < _LEAST:
+    # Files: one of points, one of observations.
+    least = 2
+    if not any(name.partition("_points_")[1] == "" for name in files) or len(files) < least:
         words = "JAG3D's text has points and terrestrial observations: this project has none that it can hold"
         raise InputError([Message(words, content.document.file)])
     notes = not_carried(content, types_written, ("stations",), "JAG3D's text")
@@ -459,6 +457,8 @@ def _observations(
     """Lines of a table: from, to, heights, value, σ; directions by station and set."""
     type_, edge = group.entry.type, content.edge
     face = np.nan_to_num(group.rows.number("face"), nan=1.0)
+    gon = ANGLE_UNITS["gon"]
+    kinds = {type_: kind for kind, type_ in OBSERVATIONS.items()}
     for row in range(group.rows.count):
         names = {r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[type_].references}
         heights = heights_of(group, names, row, known, edge.metres)
@@ -469,15 +469,15 @@ def _observations(
             if np.isfinite(value[0]):
                 key = f"{names['station']}\0{group.rows.text('set')[row]}"
                 circle = float(circle_in_face_one(value[0], face[row])) * edge.sense % (2 * np.pi)
-                sets.setdefault(key, []).append(_line(ends, flat, circle / _GON, sigma[0] / _GON))
+                sets.setdefault(key, []).append(_line(ends, flat, circle / gon, sigma[0] / gon))
         if "zenith" in type_ and np.isfinite(value[-1]):
             zenith = float(zenith_in_face_one(value[-1], face[row]))
-            line = _line(ends, heights, zenith / _GON, sigma[-1] / _GON)
+            line = _line(ends, heights, zenith / gon, sigma[-1] / gon)
             files.setdefault("zenith_angles.txt", []).append(line)
         elif type_ in ("height_difference", "horizontal_distance", "distance") and np.isfinite(value[0]):
             own = heights if type_ == "distance" else flat
             line = _line(ends, own, value[0] * edge.metres, sigma[0] * edge.metres)
-            files.setdefault(f"{_KINDS[type_]}.txt", []).append(line)
+            files.setdefault(f"{kinds[type_]}.txt", []).append(line)
 
 
 def _line(ends: str, heights: tuple[float, float], value: float, sigma: float) -> str:

@@ -635,7 +635,6 @@ _COLUMNS = {
     "enabled": "on",
     "yaw": "yaw",
 }
-_GEOGRAPHIC = ("x/longitude", "y/latitude")
 _AXES = ("x", "y", "z")
 IMAGE = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr2|arw|raw|iiq)$", re.IGNORECASE)
 
@@ -654,7 +653,8 @@ def read_reference(path: Path) -> Document:
     sign = next(sign for sign in "\t;," if sign in lines[at])
     decimal = sign != "," and any(re.search(r"\d,\d", text) for text in lines[at + 1 :])
     names = [name.strip().lower().lstrip("#").strip() for name in lines[at].split(sign)]
-    if any(name in _GEOGRAPHIC for name in names) or any("GEOGCS" in text[:80] for text in lines[: at + 1]):
+    named_geographic = ("x/longitude", "y/latitude")
+    if any(name in named_geographic for name in names) or any("GEOGCS" in text[:80] for text in lines[: at + 1]):
         words = "the coordinates are longitude and latitude: export them in a projected or local system"
         raise InputError([Message(words, draft.file, at + 1)])
     columns = {_COLUMNS[name]: k for k, name in enumerate(names) if name in _COLUMNS}

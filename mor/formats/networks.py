@@ -307,7 +307,8 @@ def earth_points(content: Content, network: Network, what: str) -> EarthPoints:
         raise InputError(problems)
     geoid = world.geoid_at(blocks, object_)
     given = world.in_metres(world.from_object(object_, np.nan_to_num(geoid)))
-    entries = [tables.get(name, _NOTHING) for name in things.ids]
+    nothing = _Entry(np.full(3, np.nan), np.zeros(3, dtype=bool))
+    entries = [tables.get(name, nothing) for name in things.ids]
     own = np.array([entry.given for entry in entries]).reshape(-1, 3)
     deflections = [world.of_points(f"deflection_{axis}", blocks) for axis in ("north", "east")]
     return EarthPoints(
@@ -325,9 +326,6 @@ class _Entry(NamedTuple):
 
     given: FloatArray
     held: BoolArray
-
-
-_NOTHING = _Entry(np.full(3, np.nan), np.zeros(3, dtype=bool))
 
 
 def _tables(content: Content, world: EarthModel, what: str, problems: list[Message]) -> dict[str, _Entry]:

@@ -80,7 +80,6 @@ class Coded(NamedTuple):
         return pl.lit(self.known).gather(pl.lit(pl.Series(self.numbers[rows])))
 
 
-_KEPT = 4
 _columns: list[tuple[Sequence[str], pl.Series]] = []
 """The lists of names asked for last, as columns: a long table is made in many pieces of the same names."""
 
@@ -90,7 +89,8 @@ def _column_of(known: Sequence[str]) -> pl.Series:
         if own is known:
             return column
     column = pl.Series(known, dtype=pl.String)
-    _columns[:] = [(known, column), *_columns[: _KEPT - 1]]
+    kept = 4
+    _columns[:] = [(known, column), *_columns[: kept - 1]]
     return column
 
 

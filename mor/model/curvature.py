@@ -28,9 +28,6 @@ from mor.model.geodetic import End, ends_of
 from mor.model.shapes import PERPENDICULAR_TYPES, SHAPE_TYPES
 from mor.types import FloatArray
 
-_IMAGES = ("image/", "follower/")
-"""What the keys of image coordinates begin with."""
-
 
 @cache
 def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) -> ObservationType:
@@ -52,7 +49,9 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
         "angle",
         "spatial_angle",
     )
-    if type_.key not in (*about_vertical, *cartesian) and not type_.key.startswith(_IMAGES):
+    # What the keys of image coordinates begin with.
+    images = ("image/", "follower/")
+    if type_.key not in (*about_vertical, *cartesian) and not type_.key.startswith(images):
         return type_
     ends = ends_of(type_)
     levelled, arc = type_.key in about_vertical, type_.key == "horizontal_distance"

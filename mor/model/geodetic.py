@@ -715,17 +715,6 @@ def _navigation(D: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 # ---- The types there are on the earth, made for the object system of a network.
 
-_ABOUT_PLUMB_LINE = (
-    DISTANCE,
-    HORIZONTAL_DISTANCE,
-    DISTANCE_RATIO,
-    DIRECTIONS,
-    ZENITH_DIRECTIONS,
-    VERTICAL_DIRECTION,
-    ZENITH_ANGLE,
-    ANGLE_TYPE,
-    SPATIAL_ANGLE,
-)
 _OF_THE_EARTH = (
     gnss_vector,
     gnss_position,
@@ -759,8 +748,19 @@ NOT_ON_EARTH = {
 
 def earth_types(horizon: Horizon) -> dict[str, ObservationType]:
     """All types of a project with ``world``, by their keys."""
+    of_plumb_line = (
+        DISTANCE,
+        HORIZONTAL_DISTANCE,
+        DISTANCE_RATIO,
+        DIRECTIONS,
+        ZENITH_DIRECTIONS,
+        VERTICAL_DIRECTION,
+        ZENITH_ANGLE,
+        ANGLE_TYPE,
+        SPATIAL_ANGLE,
+    )
     types = [
-        *(about_plumb_line(type_, horizon) for type_ in _ABOUT_PLUMB_LINE),
+        *(about_plumb_line(type_, horizon) for type_ in of_plumb_line),
         LOCAL,
         LEVEL,
         _as("azimuth", _about_vertical(BEARING, horizon, BEARING.constants)),

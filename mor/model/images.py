@@ -424,8 +424,6 @@ def is_read_out_along(type_: ObservationType) -> bool:
 # and θ cot θ ≤ 1 across it (H. Karcher 1977). So a Gauss-Newton step does not overshoot on the sphere,
 # however far off the ray is. The interior orientation is taken as it is.
 
-RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
-"""Constants of a row: the measured ray u, of unit length."""
 _KEY = "on the sphere "
 
 
@@ -441,7 +439,9 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
         return None
     if form == MOVING:
         return on_the_sphere(IMAGE_TYPES[key])
-    model = CAMERA_MODELS[key]._replace(project=_arcs, constants=RAY)
+    # Constants of a row: the measured ray u, of unit length.
+    measured = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
+    model = CAMERA_MODELS[key]._replace(project=_arcs, constants=measured)
     found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())
     return found._replace(key=_KEY + type_.key)
 

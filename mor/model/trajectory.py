@@ -215,7 +215,6 @@ def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray
 
 ACCELERATION = Quantity(length=1, time=-2)
 TURN_ACCELERATION = Quantity(angle=1, time=-2)
-_BEFORE, _AFTER = Component("time before", TIME), Component("time after", TIME)
 
 
 def _constant_position(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -261,13 +260,14 @@ def _factors(constants: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _type(key: str, kind: str, names: tuple[str, ...], quantity: Quantity, equation: object) -> ObservationType:
     count = 2 if "constancy" in key else 3
+    times_before, times_after = Component("time before", TIME), Component("time after", TIME)
     return ObservationType(
         key=key,
         components=tuple(Component(name, quantity) for name in names),
         references=(Reference("trajectory", ("trajectory",)),),
         slots=tuple(Slot(kind, "trajectory", f"{kind} {k}") for k in range(count)),
         equation=equation,  # type: ignore[arg-type]
-        constants=(_BEFORE, _AFTER)[: count - 1],
+        constants=(times_before, times_after)[: count - 1],
     )
 
 

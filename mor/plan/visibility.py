@@ -33,8 +33,6 @@ from mor.units import ANGLE, IMAGE, LENGTH, Quantity
 
 # ---- Which way is up, and where coordinates lie: everywhere the same, or on the earth that of the place.
 
-GEOGRAPHIC = "on the earth a surface has its corners in a projection or geocentric, or by names of points"
-
 
 def local_axes(reading: Reading, positions: FloatArray) -> FloatArray:
     """(n, 3, 3) rows x, y, up at places (n, 3), internal axes; on the earth east, north, up."""
@@ -58,8 +56,9 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
     world = reading.world
     if world is None:
         return coordinates
+    geographic = "on the earth a surface has its corners in a projection or geocentric, or by names of points"
     if world.system.kind == "geographic":
-        raise ValueError(GEOGRAPHIC)
+        raise ValueError(geographic)
     N = np.zeros(len(coordinates))
     if world.orthometric:
         N = world.geoid_at(np.full(len(coordinates), -1), world.to_object(coordinates, N))
@@ -69,8 +68,6 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
 
 
 # ---- Names of a plan: which targets, images, stations and points patterns stand for, and where these are.
-
-NO_PLACE = "no coordinates; what is seen depends on where it is"
 
 
 class Targets(NamedTuple):
@@ -451,8 +448,6 @@ def instruments(reading: Reading, start: Start, space: str, numbers: IntArray, h
 
 # ---- A project whose planned observations say what is visible, with the rows of all that is.
 
-_SECTIONS = ("observations", "candidates")
-
 
 def sights(reading: Reading) -> dict[str, ObservationType]:
     """Types of observations that are made along a line of sight between two places."""
@@ -471,9 +466,10 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     Where the things of the project cannot be read it comes back as it is: whoever reads it tells all mistakes.
     """
     project = validate(document)
+    sections = ("observations", "candidates")
     wanted = [
         (section, number, entry)
-        for section in _SECTIONS
+        for section in sections
         for number, entry in enumerate(getattr(project, section))
         if entry.visible is not None
     ]
@@ -489,7 +485,7 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     blocks = points.parts["position"]
     targets = Targets(tuple(points.ids), points.numbers, blocks, positions[blocks], reading.groups)
     around = surroundings(reading, targets)
-    data: dict[str, Any] = {**document.data, **{s: list(document.data.get(s) or []) for s in _SECTIONS}}
+    data: dict[str, Any] = {**document.data, **{s: list(document.data.get(s) or []) for s in sections}}
     frames, sighted = dict(document.frames), []
     for section, number, entry in wanted:
         scene = VisibilityScene(reading, start, targets, around, reading.at(section, number))
@@ -552,8 +548,9 @@ def _seen(
     height = _height(scene, entry, "to_height")
     nowhere = [scene.targets.names[k] for k in chosen if not np.isfinite(scene.targets.positions[k]).all()]
     nowhere += [one.name for one in viewpoints if not np.isfinite(one.origin).all()]
+    no_place = "no coordinates; what is seen depends on where it is"
     for name in nowhere:
-        scene.mistake(f"{name}: {NO_PLACE}")
+        scene.mistake(f"{name}: {no_place}")
     if len(scene.reading.problems) > before:
         return None
     from_, to, counts = _sights(scene, viewpoints, chosen, limits, height, _is_once(entry, type_))

@@ -91,8 +91,6 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 
 _TOO_DEEP = "this is nested too deeply, or refers to itself"
 _VALUES = "MOR_MAX_VALUES"
-_LETTERS = 100
-"""Letters that a repeated value may have, on average at that limit."""
 
 
 @dataclass(frozen=True)
@@ -240,9 +238,11 @@ class _YamlReader:
         self.letters += sum(len(event.value) for event in events if isinstance(event, yaml.ScalarEvent))
         # Share of the values that aliases may repeat, as its denominator.
         most = self.most // 10
-        if self.repeated > 2 * most or self.letters > _LETTERS * most:
+        # Letters that a repeated value may have, on average at that limit.
+        letters = 100
+        if self.repeated > 2 * most or self.letters > letters * most:
             words = (
-                f"aliases (*name) repeat more than {most} values, or {_LETTERS * most} letters; "
+                f"aliases (*name) repeat more than {most} values, or {letters * most} letters; "
                 f"put long tables into files of their own, or {raise_it(_VALUES)}"
             )
             raise self._error(words, self.unfolding)
@@ -326,12 +326,12 @@ def yaml_text(data: dict[str, Any], width: int) -> str:
     tables: list[list[str]] = []
     plain = _plain(data, "", tables, width)
     text: str = yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=width)
-    return _STANDS.sub(lambda found: _rows_text(tables[int(found[3])], found), text) if tables else text
+    stands = re.compile(rf"^( *)(- )?rows: {_ROWS} (\d+)$", re.MULTILINE)
+    return stands.sub(lambda found: _rows_text(tables[int(found[3])], found), text) if tables else text
 
 
 _ROWS = "\ue000"
 """Stands for the rows of a table until they are put in its place: a letter that means nothing."""
-_STANDS = re.compile(rf"^( *)(- )?rows: {_ROWS} (\d+)$", re.MULTILINE)
 _SIMPLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _WHOLE = re.compile(r"0|[1-9][0-9]*")
 _WORDS = frozenset(("y", "n", "yes", "no", "on", "off", "true", "false", "null"))

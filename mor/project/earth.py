@@ -271,18 +271,9 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
 # defect.
 
-_HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
 _LIES = (
     "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
     "free, because verticals differ from place to place; fix or observe a point"
-)
-_TURNS = (
-    "datum: on the earth levelled instruments neither determine the rotation about the vertical nor leave it free, "
-    "because verticals differ from place to place; fix or observe two points, or one point and an azimuth"
-)
-_TURNS_ABOUT = (
-    "datum: on the earth levelled instruments neither determine the rotation about the only fixed point nor leave "
-    "it free, because verticals differ from place to place; fix or observe a second point, or an azimuth"
 )
 
 
@@ -296,9 +287,18 @@ def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], fr
     if reading.world is None or not kinds & levelled:
         return
     held = _places_held(reading, groups)
+    heights = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
+    turn_open = (
+        "datum: on the earth levelled instruments neither determine the rotation about the vertical nor leave it free, "
+        "because verticals differ from place to place; fix or observe two points, or one point and an azimuth"
+    )
+    turn_about_point_open = (
+        "datum: on the earth levelled instruments neither determine the rotation about the only fixed point nor leave "
+        "it free, because verticals differ from place to place; fix or observe a second point, or an azimuth"
+    )
     if not _turn_is_held(reading, groups) and (held == 1 or (held == 0 and free)):
-        reading.at("datum").tell(_TURNS_ABOUT if held else _TURNS)
-    elif held == 0 and free and kinds & _HEIGHTS:
+        reading.at("datum").tell(turn_about_point_open if held else turn_open)
+    elif held == 0 and free and kinds & heights:
         reading.at("datum").tell(_LIES)
 
 

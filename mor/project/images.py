@@ -94,16 +94,14 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
-_LEAST = {"distance": 0.0, "glass": 0.0, "n_air": 1.0, "n_glass": 1.0, "n_water": 1.0}
-
-
 def _impossible(medium: str, port: dict[str, float]) -> Iterator[str]:
     """Words for what no port can be, by the values of its components; NaN is missing."""
+    least = {"distance": 0.0, "glass": 0.0, "n_air": 1.0, "n_glass": 1.0, "n_water": 1.0}
     for name, value in port.items():
         if isnan(value):
             yield f"{name} is required for a {medium}"
-        elif value < _LEAST.get(name, value):
-            yield f"{name}: found {value:g}, expected {_LEAST[name]:g} or more"
+        elif value < least.get(name, value):
+            yield f"{name}: found {value:g}, expected {least[name]:g} or more"
     off = hypot(*(port.get(f"centre_{axis}", 0.0) for axis in "xyz"))
     if port.get("radius", inf) <= off:
         yield f"radius: found {port['radius']:g}, but the centre is {off:g} from the projection centre"

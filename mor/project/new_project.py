@@ -32,8 +32,6 @@ from mor.project.recognition import Found
 from mor.units import LENGTH_UNITS
 
 _DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
-_VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
-"""Types with a vertical circle, where a table has its readings."""
 
 
 class CameraSettings(NamedTuple):
@@ -91,6 +89,8 @@ def begin(
     circles = _circles(tables)
     guessed = circles.unit if not units[1] else None
     vertical_columns = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
+    # Types with a vertical circle, where a table has its readings.
+    vertical = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
     content = {
         "name": target.name,
         "title": _quoted(title),
@@ -98,7 +98,7 @@ def begin(
         "angle": units[1] or guessed or "gon",
         "angle_guessed": guessed is not None,
         "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
-        "zenith": any(t.kind in _VERTICAL and not vertical_columns.isdisjoint(t.columns) for t in measured),
+        "zenith": any(t.kind in vertical and not vertical_columns.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner, seen) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(

@@ -44,11 +44,6 @@ from mor.units import ANGLE, LENGTH
 
 # ---- Places of images, stations and systems given in the reference system of the project: where they start.
 
-_OBSERVED = (
-    "on the earth the place of a frame is a start value: observe it (projected_position, geodetic_position, "
-    "gnss_position), or put it on a point (column point)"
-)
-
 
 def place_names(world: EarthModel) -> tuple[str, ...]:
     """Names of the coordinates of frames: ``elevation`` for the height, for ``height`` is that of the instrument."""
@@ -64,7 +59,11 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     if world is None:  # mistakes in the points, told already
         return plain
     names = ", ".join(place_names(world))
-    rows.tell_where(np.any(~np.isnan(plain.sigma) | np.isfinite(plain.start), axis=1), _OBSERVED)
+    advice = (
+        "on the earth the place of a frame is a start value: observe it (projected_position, geodetic_position, "
+        "gnss_position), or put it on a point (column point)"
+    )
+    rows.tell_where(np.any(~np.isnan(plain.sigma) | np.isfinite(plain.start), axis=1), advice)
     given = plain.values
     if world.system.kind != "geocentric":
         words = f"x, y, z of its own are not possible on the earth; expected {names}"
@@ -74,7 +73,7 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     rows.tell_where(some & ~whole, f"a position on the earth needs all of {names}, or none")
     free, held = np.any(plain.free, axis=1), ~np.all(plain.free, axis=1)
     rows.tell_where(held & ~whole, "fixed or observed, but it has no coordinates")
-    rows.tell_where(held & free, _OBSERVED)
+    rows.tell_where(held & free, advice)
     places = world.to_object(given, _geoid(world, rows, given))
     nothing = np.full(places.shape, np.nan)
     return Statuses(places, plain.free, nothing, nothing)

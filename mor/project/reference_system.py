@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 RECORD = 16
 _RECORDS = 11
-_UNITS = {"SECONDS": 1.0 / 3600.0, "MINUTES": 1.0 / 60.0, "DEGREES": 1.0}
 ARCSEC = np.pi / (180.0 * 3600.0)
 
 
@@ -76,7 +75,8 @@ def read_gsb(file: Path) -> list[Subgrid]:
     if not order or len(content) < _RECORDS * RECORD:
         raise GridError("this is not a binary grid of the format NTv2 (GSB)")
     count = struct.unpack_from(order + "i", content, 2 * RECORD + 8)[0]
-    unit = _UNITS.get(content[3 * RECORD + 8 : 4 * RECORD].decode("latin-1").strip("\0 "))
+    units = {"SECONDS": 1.0 / 3600.0, "MINUTES": 1.0 / 60.0, "DEGREES": 1.0}
+    unit = units.get(content[3 * RECORD + 8 : 4 * RECORD].decode("latin-1").strip("\0 "))
     if unit is None:
         raise GridError("its angles (GS_TYPE) are none of SECONDS, MINUTES, DEGREES")
     grids, start = [], _RECORDS * RECORD
@@ -269,16 +269,14 @@ class ReferenceSystem:
         area = self.crs.area_of_use
         if area is None:
             return np.zeros(len(geodetic), dtype=bool)
+        # Degrees by which networks may reach beyond the area a system is made for.
+        margin = 2.0
         with np.errstate(over="ignore", invalid="ignore"):  # what is no angle at all does not lie inside
             latitude, longitude = np.degrees(geodetic[:, :2]).T
-            east = (longitude - area.west + _MARGIN) % 360.0
+            east = (longitude - area.west + margin) % 360.0
         width = (area.east - area.west) % 360.0 or 360.0
-        north = (latitude >= area.south - _MARGIN) & (latitude <= area.north + _MARGIN)
-        return np.asarray(~(north & (east <= width + 2.0 * _MARGIN)))
-
-
-_MARGIN = 2.0
-"""Degrees by which networks may reach beyond the area a system is made for."""
+        north = (latitude >= area.south - margin) & (latitude <= area.north + margin)
+        return np.asarray(~(north & (east <= width + 2.0 * margin)))
 
 
 def reference_system(text: str) -> ReferenceSystem:
@@ -380,9 +378,11 @@ class EarthModel:
         """∂(east, north)/∂(e, n) (n, 2, 2) at object coordinates (n, 3): scale and convergence of the projection."""
         axes, nothing = self.horizon.local_axes(position), np.zeros(len(position))
         columns = []
+        # Length over which a projection is differentiated: its scale changes by 1/R for every unit.
+        step = 10.0
         for k in range(2):
-            ahead, behind = (self.from_object(position + sign * _NEAR * axes[:, k], nothing) for sign in (1, -1))
-            columns.append((ahead - behind)[:, :2] / (2.0 * _NEAR))
+            ahead, behind = (self.from_object(position + sign * step * axes[:, k], nothing) for sign in (1, -1))
+            columns.append((ahead - behind)[:, :2] / (2.0 * step))
         return np.stack(columns, axis=2)
 
     def convergence(self, east_north: FloatArray) -> FloatArray:
@@ -406,15 +406,11 @@ def _scaled(system: ReferenceSystem, coordinates: FloatArray, factor: float) -> 
     return np.asarray(coordinates * np.array(lengths))
 
 
-_NEAR = 10.0
-"""Length over which a projection is differentiated: its scale changes by 1/R for every unit."""
-_STEP = 1e-4
-"""Degrees to which the middle of a network is rounded: the object system stays the same when a digit changes."""
-
-
 def middle(ellipsoid: Ellipsoid, geodetic: FloatArray) -> Horizon:
     """The object system at the middle of places (n, 3), rounded."""
     directions = np.mean(ellipsoid.geocentric(geodetic), axis=0)
     latitude, longitude, _ = np.degrees(ellipsoid.geodetic(directions[None])[0])
-    rounded = np.radians(np.round(np.array([latitude, longitude]) / _STEP) * _STEP)
+    # Degrees to which the middle of a network is rounded: the object system stays the same when a digit changes.
+    step = 1e-4
+    rounded = np.radians(np.round(np.array([latitude, longitude]) / step) * step)
     return Horizon(ellipsoid, float(rounded[0]), float(rounded[1]))

@@ -260,11 +260,12 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     open_ = np.ones(len(known), dtype=bool)
     centre = np.zeros(len(known), dtype=bool)
     found: dict[str, list[tuple[BoolArray, IntArray]]] = {}
+    prefix = "centre:"
     for space, things in spaces.items():
         bare = known.str.strip_prefix(f"{space}:")
         if space == "image" and reference.among == POSITIONS:
-            centre = open_ & known.str.starts_with(_CENTRE).to_numpy()
-            bare = bare.str.strip_prefix(_CENTRE)
+            centre = open_ & known.str.starts_with(prefix).to_numpy()
+            bare = bare.str.strip_prefix(prefix)
         place = places(bare, pl.Series(things.ids, dtype=pl.String))
         here = open_ & (place >= 0)
         open_ &= ~here
@@ -293,9 +294,6 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     if reference.among == POSITIONS:
         _refuse_followers(resolved, rows)
     return resolved
-
-
-_CENTRE = "centre:"
 
 
 def _refuse_followers(resolved: Resolved, rows: Rows) -> None:
@@ -543,15 +541,13 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     except UnitError as error:
         reading.at("instruments", str(name), "atmosphere").tell(f"wavelength: {error}")
         return None
-    if not _SHORTEST <= length <= _LONGEST:
+    # Wavelengths, µm, at which Barrell and Sears hold and distances are measured with light.
+    shortest, longest = 0.36, 2.0
+    if not shortest <= length <= longest:
         words = f"wavelength: found {said.wavelength}, expected one of light, as 0.658 um"
         reading.at("instruments", str(name), "atmosphere").tell(words)
         return None
     return said.C, dispersion_constant(length)
-
-
-_SHORTEST, _LONGEST = 0.36, 2.0
-"""Wavelengths, µm, at which Barrell and Sears hold and distances are measured with light."""
 
 
 # ---- What is observed of one thing alone, and is fixed there: it would be counted with r = 1, and says nothing.

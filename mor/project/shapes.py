@@ -44,8 +44,6 @@ FREEDOM = {
 
 # ---- Start values: the best of algebraic fits about many directions of the axis, each refined by least squares.
 
-_DIRECTIONS = 100
-"""Directions of the axis that are tried."""
 _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
 
@@ -127,14 +125,16 @@ def _candidates(q: FloatArray, free: Freedom, held: Held | None) -> list[FloatAr
     """
     if held is not None and not held.perpendicular:
         return [held.rotation]
+    # Directions of the axis that are tried.
+    tried = 100
     if held is not None:
-        angles = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
+        angles = np.pi / tried * np.arange(tried)
         turns = exponential(angles[:, None] * np.array([0.0, 0.0, 1.0]))
         return list(PERPENDICULAR @ turns @ held.rotation)
     if not free.turns.any():
         return [np.eye(3)]
-    height = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(_DIRECTIONS)
+    height = (np.arange(tried) + 0.5) / tried
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(tried)
     flat = np.sqrt(1.0 - height**2)
     spread = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
     return [_about(z) for z in (*np.linalg.svd(q - q.mean(axis=0))[2], *spread)]

@@ -284,9 +284,11 @@ def _at_spacing(
     """
     given = rows.number("time")
     pieces = []
+    # Part of a step that round-off may add to a whole number of them.
+    round_off = 1e-9
     for k in range(int(stretch[-1]) + 1):
         ends = given[stretch == k][[0, -1]]
-        steps = max(int(np.ceil((ends[1] - ends[0]) / spacing - _WHOLE)), 1) if ends[1] > ends[0] else 0
+        steps = max(int(np.ceil((ends[1] - ends[0]) / spacing - round_off)), 1) if ends[1] > ends[0] else 0
         pieces.append(np.linspace(ends[0], ends[1], steps + 1))
     times = np.concatenate(pieces)
     numbers = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
@@ -299,10 +301,6 @@ def _at_spacing(
         for kind, part in ((POINT, values[:, :3]), (ROTATION, values[:, 3:]))
     ]
     return times, numbers, blocks[0], blocks[1]
-
-
-_WHOLE = 1e-9
-"""Part of a step that round-off may add to a whole number of them."""
 
 
 def between_rows(given: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:
@@ -332,7 +330,6 @@ def between_rows(given: FloatArray, values: FloatArray, times: FloatArray) -> Fl
 
 NAVIGATION = {POSITION: trajectory_position, ATTITUDE: trajectory_attitude}
 """Types a project names, and what makes one for a number of knots."""
-_SHIFTS = {POSITION: (POSITION_SHIFT, "position"), ATTITUDE: (ATTITUDE_SHIFT, "attitude")}
 
 
 def navigation_columns(key: str, edge: Edge) -> list[Column]:
@@ -456,7 +453,8 @@ def _shifts(
     reading: Reading, entry: Observations, rows: Rows, place: TableLocation
 ) -> tuple[IntArray, FloatArray] | None:
     """Block of shift and drift of every row, and the time they refer to; ``None`` if the instrument is unknown."""
-    kind, key = _SHIFTS[entry.type]
+    shifts = {POSITION: (POSITION_SHIFT, "position"), ATTITUDE: (ATTITUDE_SHIFT, "attitude")}
+    kind, key = shifts[entry.type]
     known = reading.project.instruments
     if entry.instrument is not None and entry.instrument not in known:
         place.tell(unknown_name("instrument", entry.instrument, known), "instrument")
@@ -496,21 +494,20 @@ def _strip(
 
 # ---- Constancy and smoothness of trajectories: differences of neighbouring knots, observed as 0.
 
-_TYPES = {
-    ("constancy", "position"): CONSTANT_POSITION,
-    ("constancy", "attitude"): CONSTANT_ATTITUDE,
-    ("smoothness", "position"): SMOOTH_POSITION,
-    ("smoothness", "attitude"): SMOOTH_ATTITUDE,
-}
-
 
 def steadiness_groups(reading: Reading) -> list[ObservationGroup]:
     """One group for every table of trajectories and kind of difference that has a σ."""
     groups = []
+    types_by_key = {
+        ("constancy", "position"): CONSTANT_POSITION,
+        ("constancy", "attitude"): CONSTANT_ATTITUDE,
+        ("smoothness", "position"): SMOOTH_POSITION,
+        ("smoothness", "attitude"): SMOOTH_ATTITUDE,
+    }
     for number, table in enumerate(reading.project.trajectories):
         own = {name.rpartition("@")[0] for name in reading.table_ids.get(("trajectories", number), [])}
         trajectories = [reading.trajectories[name] for name in reading.trajectories if name in own]
-        for (key, part), type_ in _TYPES.items():
+        for (key, part), type_ in types_by_key.items():
             text = getattr(getattr(table, key), part)
             if text is None:
                 continue
@@ -563,8 +560,6 @@ def _group_of_steadiness(
 
 TRAJECTORY = "trajectory"
 """Part of an image: the number of its trajectory, −1 where it has none."""
-_FAR = np.array([0.0, 1e6])
-"""Rows that say a steady rate, so far apart that times of a day, or of a week, leave it all its digits."""
 
 
 def trajectory_columns(reading: Reading) -> list[Column]:
@@ -606,6 +601,8 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Co
 def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> FloatArray:
     """Times (n,) of images, those of line scanners of their first lines; how these go on goes to ``reading``."""
     times, cameras = rows.number("time").copy(), rows.text("camera")
+    # Rows that say a steady rate, so far apart that times of a day, or of a week, leave it all its digits.
+    far = np.array([0.0, 1e6])
     for i, name in enumerate(names):
         if not scans[i]:
             if name in reading.lines:
@@ -622,7 +619,7 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
         if np.isnan(step) and "camera" not in reading.broken:
             words = f"image {name!r}: its camera has no line_time, and there is no table of the times of its lines"
             rows.tell(i, words)
-        reading.lines[name] = RowTimes(_FAR, times[i] + step * _FAR, True)
+        reading.lines[name] = RowTimes(far, times[i] + step * far, True)
     return times
 
 

@@ -231,8 +231,6 @@ def pose_columns(
 #
 # Steps and coordinates of single epochs start among the points.
 
-_MODELS = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
-
 
 def motions(
     placed: Placed, entries: list[dict[str, Any]], tables: dict[str, pl.DataFrame | str]
@@ -240,12 +238,13 @@ def motions(
     """The entries of the section ``motions``; tables of start values are added to ``tables``."""
     result = []
     points = placed.network.things["point"]
+    models = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
     for number, (entry, (model, names)) in enumerate(zip(entries, placed.network.motion.tables, strict=True), 1):
-        if model not in _MODELS:
+        if model not in models:
             result.append(entry)
             continue
         columns: dict[str, Any] = {}
-        for kind in (kind for kind in MOTIONS if kind.key in _MODELS[model]):
+        for kind in (kind for kind in MOTIONS if kind.key in models[model]):
             blocks = np.array([points.part(name, kind.key) for name in names], dtype=np.int64)
             columns |= motion_columns(placed, kind, blocks)
         file = f"start_motions_{number}.csv"

@@ -633,13 +633,6 @@ def write_design(
 
 # ---- The page of a plan, in one file that needs nothing else; in that of a small network observations can be switched.
 
-_WORDS = (
-    "reached",
-    "NOT REACHED",
-    "This cannot be spared: something would be undetermined.",
-    "{on} of {all} observations; smallest r {r} ({place})",
-)
-"""Sentences that the script of the page says."""
 _SIGMAS = ("sx", "sy", "sz")
 
 
@@ -762,6 +755,13 @@ def _payload(
     assert quality is not None
     row, column = np.nonzero(found.rows)
     blocks = network.things["point"].parts["position"]
+    # Sentences that the script of the page says.
+    sentences = (
+        "reached",
+        "NOT REACHED",
+        "This cannot be spared: something would be undetermined.",
+        "{on} of {all} observations; smallest r {r} ({place})",
+    )
     data = {
         "unknowns": len(found.cofactors),
         "cofactors": _packed(found.cofactors),
@@ -785,7 +785,7 @@ def _payload(
         "unit": network.project.units.length,
         "decimal": words.decimal,
         "decimals": _decimals(solved),
-        "words": {english: words.listed(english) for english in _WORDS},
+        "words": {english: words.listed(english) for english in sentences},
     }
     return json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
 

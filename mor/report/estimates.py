@@ -173,7 +173,6 @@ def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
-STATUSES = ("fixed", "partly fixed", "free", "left out", "at infinity")
 
 
 @once
@@ -194,7 +193,8 @@ def point_table(solved: Solved) -> pl.DataFrame:
     if kind in network.absent:
         status = np.where(network.absent[kind][numbers], 3, status)
         status = np.where(np.isin(numbers, list(network.directions)), 4, status)
-    columns["status"] = pl.Series(STATUSES).gather(status)
+    statuses = ("fixed", "partly fixed", "free", "left out", "at infinity")
+    columns["status"] = pl.Series(statuses).gather(status)
     return _frame(columns)
 
 

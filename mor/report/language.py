@@ -27,8 +27,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 # ``{:n}``: names of columns, keys and formats. A single word only changes where it marks its place with
 # ``{:w}``.
 
-_VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
-"""A name in quotes, whatever is in it, or as little as can be."""
 NAMES = "n"
 """Marks a place whose value stays as it is: {:n}."""
 
@@ -96,7 +94,9 @@ class Sentence:
 def _shape(words: str) -> str:
     """Pattern of a placeholder: a number before one of two nouns, a quoted name, or any text."""
     one, bar, many = words.partition("|")
-    return rf"\S+ (?:{re.escape(one)}|{re.escape(many)})" if bar else _VALUE
+    # A name in quotes, whatever is in it, or as little as can be.
+    value = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
+    return rf"\S+ (?:{re.escape(one)}|{re.escape(many)})" if bar else value
 
 
 class Sentences:
@@ -239,7 +239,6 @@ def _catalogue(language: str, of: str) -> dict[str, str]:
 
 # ---- The name of a datum in the language of a report.
 
-_CARRIED = re.compile(r"(.+?) of (\d+) (?:named point or group|named points or groups)(?: and |$)")
 _HELD = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
 
 
@@ -247,7 +246,8 @@ def datum_name(name: str, words: Words) -> str:
     """A datum as a network calls it (``fixed``, ``free, inner constraints over …``, ``minimal, …``), in other words."""
     kind, _, rest = name.partition(", ")
     carried = rest.removeprefix("inner constraints over ")
-    if kind == "free" and (found := _CARRIED.findall(carried)):
+    carried_by = re.compile(r"(.+?) of (\d+) (?:named point or group|named points or groups)(?: and |$)")
+    if kind == "free" and (found := carried_by.findall(carried)):
         said = [
             words(
                 "{components} of {count:named point or group|named points or groups}",

@@ -191,9 +191,6 @@ def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, he
 # ---- Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
 
 WIDTH, HEIGHT = 300, 170
-_AXES = ("x", "y", "z")
-_MARKS = ("M-2.5 0 0-2.5 2.5 0 0 2.5z", "M-2-2H2V2H-2z", "M0-3 2.8 2H-2.8z")
-"""Marks of the coordinates, told apart without colours: diamond, square, triangle."""
 
 
 def series_drawing(
@@ -218,7 +215,10 @@ def series_drawing(
         f'<text x="{left}" y="{HEIGHT - 6}">{first:.1f}</text>',
         f'<text x="{WIDTH - right}" y="{HEIGHT - 6}" text-anchor="end">{last:.1f}</text>',
     ]
-    for k, axis in enumerate(_AXES):
+    coordinates = ("x", "y", "z")
+    # Marks of the coordinates, told apart without colours: diamond, square, triangle.
+    marks = ("M-2.5 0 0-2.5 2.5 0 0 2.5z", "M-2-2H2V2H-2z", "M0-3 2.8 2H-2.8z")
+    for k, axis in enumerate(coordinates):
         if not (sigma[:, k] > 0.0).any():
             continue
         y = middle - moved[:, k] * per
@@ -226,12 +226,12 @@ def series_drawing(
         parts.append(f'<polyline class="{axis}" points="{points}"/>')
         parts += [
             f'<line class="{axis}" x1="{a + k - 1:.1f}" x2="{a + k - 1:.1f}" y1="{b - s:.1f}" y2="{b + s:.1f}"/>'
-            f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{_MARKS[k]}"/>'
+            f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{marks[k]}"/>'
             for a, b, s in zip(x, y, 2.0 * sigma[:, k] * per, strict=True)
         ]
     shown = WIDTH - right
-    for k, axis in reversed(list(enumerate(_AXES))):
+    for k, axis in reversed(list(enumerate(coordinates))):
         parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
-        parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{_MARKS[k]}"/>')
+        parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{marks[k]}"/>')
         shown -= 28
     return drawing(parts, WIDTH, HEIGHT, f"{name} [{unit}]", "series")

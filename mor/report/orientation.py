@@ -294,7 +294,6 @@ def _derived(
 # ---- Relative orientation of a chain of images as plain data.
 
 BASE = ("bx", "by", "bz")
-IK = tuple(f"{i}{k}" for i in (1, 2, 3) for k in (1, 2, 3))
 
 
 class Oriented(NamedTuple):
@@ -399,10 +398,11 @@ def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
     parts = (auxiliary.linear, auxiliary.corrections, auxiliary.compatible, auxiliary.adjusted, auxiliary.sigma)
     names = ("linear", "correction", "compatible", "adjusted", "sigma")
     columns = [part.ravel() for part in parts]
+    indices = tuple(f"{i}{k}" for i in (1, 2, 3) for k in (1, 2, 3))
     return {
         "ik": [
             {"ik": ik, **{name: number_or_none(value) for name, value in zip(names, row, strict=True)}}
-            for ik, row in zip(IK, zip(*columns, strict=True), strict=True)
+            for ik, row in zip(indices, zip(*columns, strict=True), strict=True)
         ],
         "conditions": [
             {"condition": name, "linear": number_or_none(before), "adjusted": number_or_none(after)}

@@ -77,28 +77,20 @@ from mor.report.view import View
 
 # ---- The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
 
-BROWSERS = (
-    *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
-    *("microsoft-edge", "microsoft-edge-stable", "msedge"),
-)
-"""Programs that print a page as PDF without a window; Firefox does not."""
-
 
 def running_heads(title: str, identity: dict[str, Any], words: Words) -> Markup:
     """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
     right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
     head = title if len(title) <= 70 else f"{title[:69]}…"
     of = _css_text(words("page"))
+    small = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
     return Markup(
         "@page { "
-        f"@top-left {{ content: {_css_text(head)}; {_SMALL} }} "
-        f"@top-right {{ content: {_css_text(right)}; {_SMALL} }} "
-        f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {_SMALL} }} '
+        f"@top-left {{ content: {_css_text(head)}; {small} }} "
+        f"@top-right {{ content: {_css_text(right)}; {small} }} "
+        f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {small} }} '
         "}"
     )
-
-
-_SMALL = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
 
 
 def _css_text(text: str) -> str:
@@ -119,7 +111,12 @@ def browser() -> str | None:
         r"C:\Program Files\Google\Chrome\Application\chrome.exe",
         r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
     )
-    return next((found for name in (*BROWSERS, *applications) if (found := shutil.which(name))), None)
+    # Programs that print a page as PDF without a window; Firefox does not.
+    browsers = (
+        *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
+        *("microsoft-edge", "microsoft-edge-stable", "msedge"),
+    )
+    return next((found for name in (*browsers, *applications) if (found := shutil.which(name))), None)
 
 
 def print_page(program: str, page: str, target: Path, paper: str) -> None:
@@ -232,7 +229,6 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
-_LOW_R = 0.1
 
 
 class Statement(NamedTuple):
@@ -474,10 +470,11 @@ def _controlled(data: PageData) -> Statement | None:
     used, say = data.view.used.filter(pl.col("r").is_not_null()), data.words
     if used.height == 0:
         return None
-    low = used.filter(pl.col("r") < _LOW_R).height
+    low_r = 0.1
+    low = used.filter(pl.col("r") < low_r).height
     free, found = data.view.summary.get("uncontrolled") or 0, data.view.reliability
     said = "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}."
-    words = say(said, mean=f"{float(used['r'].to_numpy().mean()):.2f}", low=low, all=used.height, limit=f"{_LOW_R:g}")
+    words = say(said, mean=f"{float(used['r'].to_numpy().mean()):.2f}", low=low, all=used.height, limit=f"{low_r:g}")
     if found is not None:
         lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
         lines += [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
@@ -665,10 +662,11 @@ class _TemplateCache(BytecodeCache):
     """
 
     def load_bytecode(self, bucket: Bucket) -> None:
+        size = sha256().digest_size
         with suppress(OSError, RuntimeError):  # there may be no home folder
             content = self._path(bucket).read_bytes()
-            if sha256(content[_DIGEST:]).digest() == content[:_DIGEST]:
-                bucket.bytecode_from_string(content[_DIGEST:])
+            if sha256(content[size:]).digest() == content[:size]:
+                bucket.bytecode_from_string(content[size:])
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         content = bucket.bytecode_to_string()
@@ -679,9 +677,6 @@ class _TemplateCache(BytecodeCache):
 
     def _path(self, bucket: Bucket) -> Path:
         return cache_root() / "templates" / f"{__version__}-{bucket.key}"
-
-
-_DIGEST = sha256().digest_size
 
 
 def asset(name: str) -> str:

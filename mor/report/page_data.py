@@ -458,7 +458,6 @@ MOST_ROWS = 50_000
 """Residuals the page lists; the file beside it has all."""
 MOST_VECTORS = 60_000
 """Rays whose residual vectors the page draws."""
-_EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
 def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None) -> str:
@@ -471,20 +470,21 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
         *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
     )
     station_columns = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
+    exact = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
     head = {
         "meta": {**meta(data), "effects_scale": scale_of_effects(view, effects)},
         "figures": figures,
         "overlap": overlap,
-        "points": packer.table(_to_sigma(_points(data)), _EXACT),
-        "images": packer.table(_to_sigma(_columns(data.images, image_columns)), _EXACT),
-        "stations": packer.table(_columns(view.stations, station_columns), _EXACT),
+        "points": packer.table(_to_sigma(_points(data)), exact),
+        "images": packer.table(_to_sigma(_columns(data.images, image_columns)), exact),
+        "stations": packer.table(_columns(view.stations, station_columns), exact),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
         "effects": packer.table(effects),
         "relative": packer.table(relative_ellipses(view)),
-        "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), _EXACT),
+        "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), exact),
         "vectors": packer.table(vectors.drop("unit")),
-        "residuals": packer.table(worst.select(name for name in RESIDUALS if name != "adjusted"), _EXACT),
+        "residuals": packer.table(worst.select(name for name in RESIDUALS if name != "adjusted"), exact),
     }
     return packer.text(head)
 

@@ -54,20 +54,6 @@ if TYPE_CHECKING:
 # ---- A sheet to draw on, and how it becomes a file: same picture, same bytes.
 
 FORMATS = ("svg", "png", "pdf")
-_STYLE: dict[str, Any] = {
-    "svg.hashsalt": "mor",
-    "font.family": "DejaVu Sans",
-    "font.size": 9.0,
-    "text.parse_math": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "savefig.dpi": 150,
-}
 
 
 def style() -> AbstractContextManager[None]:
@@ -77,7 +63,21 @@ def style() -> AbstractContextManager[None]:
     except ImportError:
         words = "pictures need the Python package matplotlib: pip install 'mor-adjustment[plot]'"
         raise InputError([Message(words)]) from None
-    return rc_context(cast("Any", _STYLE))
+    settings = {
+        "svg.hashsalt": "mor",
+        "font.family": "DejaVu Sans",
+        "font.size": 9.0,
+        "text.parse_math": False,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#dddddd",
+        "grid.linewidth": 0.6,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "savefig.dpi": 150,
+    }
+    return rc_context(cast("Any", settings))
 
 
 def sheet(width: float = 7.5, height: float = 5.0) -> Figure:
@@ -289,22 +289,21 @@ def _extent(name: str) -> tuple[float, float]:
 
 # ---- Overlays of a network plot: sights by kind, scale bars, given points, relative ellipses, external reliability.
 
-_KINDS = {
-    "direction": ("directions", GREY, "-", 0.5),
-    "distance": ("distances", GREEN, "--", 0.7),
-    "levelling": ("levelling lines", ORANGE, ":", 1.0),
-    "vector": ("vectors between points", RED, "-.", 0.7),
-    "scale": ("scale bars", BLUE, "-", 2.5),
-}
-"""Heading, colour, line and width of each kind of sight."""
-
 
 def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     """Lines between points and stations, by kind; kinds of very many lines would be a stain and are left out."""
     found = sights(view)
     stations = view.stations.select("x", "y", "z").to_numpy() if view.stations.height else np.zeros((0, 3))
     xyz = np.concatenate([places(view), stations])[:, chosen]
-    for kind, (name, colour, line, width) in _KINDS.items():
+    # Heading, colour, line and width of each kind of sight.
+    kinds = {
+        "direction": ("directions", GREY, "-", 0.5),
+        "distance": ("distances", GREEN, "--", 0.7),
+        "levelling": ("levelling lines", ORANGE, ":", 1.0),
+        "vector": ("vectors between points", RED, "-.", 0.7),
+        "scale": ("scale bars", BLUE, "-", 2.5),
+    }
+    for kind, (name, colour, line, width) in kinds.items():
         pairs = found.filter(found["kind"] == kind).select("a", "b").to_numpy()
         # Sights of a kind that a picture can show.
         if 0 < len(pairs) <= 5000:
@@ -403,10 +402,6 @@ CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
 """Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
 
 
-_TYPICAL, _TOO_LARGE = 0.012, 8.0
-"""Share of the extent that the median ellipse is drawn with; how many times as large an ellipse may be to be drawn."""
-
-
 def ellipses(
     view: View,
     words: Words = ENGLISH,
@@ -430,11 +425,13 @@ def ellipses(
     frame = network_frame(view)
     extent = float(np.ptp(places(view) if frame is None else frame, axis=0).max(initial=0.0)) or 1.0
     typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0
+    # Share of the extent that the median ellipse is drawn with; how many times as large an ellipse may be to be drawn.
+    share, too_large = 0.012, 8.0
     if typical > 0.0:
-        scale = round_length(_TYPICAL * extent / typical)
+        scale = round_length(share * extent / typical)
         factor, name = CONFIDENCE[confidence]
         drawn, xy = scale * factor, places(view)[:, chosen]
-        large = axis > _TOO_LARGE * typical
+        large = axis > too_large * typical
         lines = ellipse_lines(xy, covariance, drawn, 49)[(axis > 0.0) & ~large]
         label = words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}")
         axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=0.8, label=label))
@@ -572,9 +569,6 @@ def _map(axes: Axes, found: Overlap, words: Words) -> None:
 
 # ---- Residual vectors: of one image, or of all images one beside the other.
 
-_RESIDUALS_MOST = 60
-"""Images that are drawn beside each other: those with the largest test values."""
-
 
 def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> Figure:
     """Residual vectors, all at one scale. Raises :class:`InputError` for an unknown image, or without images."""
@@ -612,10 +606,12 @@ def _residuals_chosen(measured: pl.DataFrame, image: str | None) -> list[str]:
         if image not in known:
             raise InputError([Message(f"unknown image {image!r}{nearest(image, known)}")])
         return [image]
-    if len(known) <= _RESIDUALS_MOST:
+    # Images that are drawn beside each other: those with the largest test values.
+    most = 60
+    if len(known) <= most:
         return known
     worst = measured.group_by("image", maintain_order=True).agg(pl.col("w").max())
-    kept = set(worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(_RESIDUALS_MOST)["image"])
+    kept = set(worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(most)["image"])
     return [name for name in known if name in kept]
 
 

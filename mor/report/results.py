@@ -156,7 +156,6 @@ _TABLES_FILES_ROWS_TOGETHER = 250_000
 """Rows of one row group of a Parquet file."""
 _LEVEL = 1
 """Of compression by zstd. Measured numbers have nothing to compress: others take half as long again for 0.2 % less."""
-_PROBABILITIES = ["p", "p_t", "p_joint"]
 
 
 def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
@@ -206,11 +205,12 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
 def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
     lines = BytesIO()
     # Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double.
+    probabilities = ["p", "p_t", "p_joint"]
     statistics = [
         "sigma_adjusted",
-        *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in _PROBABILITIES),
+        *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in probabilities),
     ]
-    shorter = table.with_columns(pl.col(statistics).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS))
+    shorter = table.with_columns(pl.col(statistics).cast(pl.Float32), pl.col(probabilities).round_sig_figs(DIGITS))
     if unsafe:
         return table.height, csv_lines(shorter, header=False)
     shorter.write_csv(lines, include_header=False)

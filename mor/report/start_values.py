@@ -145,8 +145,15 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
         status = "found" if status == "replaced" else status
     components, values, units = _outwards(network, kind, number, after)
     how = None
+    # What values come from that have no rule of their own.
+    by_default = {
+        "point": rule("intersection of rays"),
+        "station": rule("from the points it sights"),
+        "system": rule("from the points measured in it"),
+        "pair": rule("from the images that have it"),
+    }
     if status in ("found", "replaced"):
-        how = approximation.how.get(f"{space} {name}") or _BY_DEFAULT.get(space, _BY_DEFAULT["system"])
+        how = approximation.how.get(f"{space} {name}") or by_default.get(space, by_default["system"])
     factor = np.fmax(local.misfit[number], 1.0)
     per_unit = ANGLE_UNITS[angle_unit_of(network.project)] if kind == "rotation" else 1.0
     sigma = factor * local.sigma[number] / per_unit
@@ -160,15 +167,6 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
         how, components, values, units, sigma,
         float(local.misfit[number]), int(local.observations[number]),
     )  # fmt: skip
-
-
-_BY_DEFAULT = {
-    "point": rule("intersection of rays"),
-    "station": rule("from the points it sights"),
-    "system": rule("from the points measured in it"),
-    "pair": rule("from the images that have it"),
-}
-"""What values come from that have no rule of their own."""
 
 
 def _changed_names(network: Network, kind: str, number: int, changed: BoolArray) -> tuple[str, ...]:
@@ -275,19 +273,19 @@ def _part(join: Join, network: Network, approximation: Approximation) -> dict[st
 
 SHOWN = 1000
 """Values of a kind that the text lists; JSON has all."""
-STATUSES = ("given", "found", "replaced", "missing")
 
 
 def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words) -> str:
     """The report on start values."""
     all_given = words("All start values are given.") if all(row.status == "given" for row in rows) else ""
+    statuses = ("given", "found", "replaced", "missing")
     lines = [
-        [words.listed(kind), words.listed(what), *(str(number[status]) for status in STATUSES)]
+        [words.listed(kind), words.listed(what), *(str(number[status]) for status in statuses)]
         for kind, what, number in counts(rows)
     ]
     parts = [
         all_given,
-        f"{heading(words('Start values'))}\n{table(['thing', 'value', *STATUSES], lines, 2, words)}",
+        f"{heading(words('Start values'))}\n{table(['thing', 'value', *statuses], lines, 2, words)}",
         _parts(approximation, words),
         *_values(rows, words),
         _missing(approximation, words),
@@ -404,8 +402,6 @@ def _missing(approximation: Approximation, words: Words) -> str:
 
 # ---- The plan of what start values were found for: each part in a colour of its own.
 
-_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE)
-
 
 def parts(network: Network, approximation: Approximation, words: Words = ENGLISH) -> Figure:
     """Points, images and stations in plan, or in elevation of what is higher than deep, coloured by part."""
@@ -421,8 +417,9 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
     spaces = ("image", "images", "D"), ("station", "stations", "^")
     homes, sizes = np.unique(home, return_counts=True)
     largest = homes[np.argsort(-sizes, kind="stable")][:12].tolist()  # of more parts only these are drawn
+    colours = (BLUE, ORANGE, GREEN, RED, PURPLE)
     for k, number in enumerate(sorted(largest)):
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour = colours[k % len(colours)]
         label = words("part {number}", number=number) if number else words.listed("object system")
         _marks(axes, xyz[points[home[points] == number]][:, chosen], "o", 3, colour, label)
         for space, _, marker in spaces:

@@ -203,8 +203,6 @@ def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, An
 
 MOST = 1_000
 """Points, images, stations or sets that are listed; of more the weakest."""
-CURED = 12
-"""Weak spots for which a further observation is looked for."""
 KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
 
 
@@ -252,7 +250,9 @@ def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
 def _observations(solved: Solved, quality: Quality, entries: list[ObservationComponent]) -> list[dict[str, Any]]:
     told = entries[: most_at_a_time(quality)]
     carried = carried_points(quality, told)
-    cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
+    # Weak spots for which a further observation is looked for.
+    most = 12
+    cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:most]])
     names = solved.network.blocks["point"].ids
     nabla = detectable(quality, np.array(entries, dtype=np.int64).reshape(-1, 3)).tolist()
     rows = []
@@ -265,7 +265,7 @@ def _observations(solved: Solved, quality: Quality, entries: list[ObservationCom
                 "r": r,
                 "nabla": said_one(said_sizes, group, entry.component, nabla[k]) if np.isfinite(nabla[k]) else None,
                 "carries": [names[block] for block in carried[k]] if k < len(told) else None,
-                "cure": _cure(solved, cures[k]) if k < CURED else None,
+                "cure": _cure(solved, cures[k]) if k < most else None,
             }
         )
     return rows

@@ -393,7 +393,6 @@ def covered(xy: FloatArray, area: float) -> float:
 # constant and the principal point alone. Its σ follows from the covariance of the distortion components,
 # those of the camera constant and the principal point left aside.
 
-_NOT_DISTORTION = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
 _AZIMUTHS = 16
 
 
@@ -437,7 +436,8 @@ def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, 
     model = lens_of(camera["model"])
     names = [component.name for component in model.components]
     values = np.array([camera["components"][name]["value"] for name in names])
-    plain = np.where([name in _NOT_DISTORTION for name in names], values, 0.0)
+    not_distortion = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
+    plain = np.where([name in not_distortion for name in names], values, 0.0)
     constants = np.full((len(ideal), len(model.constants)), float(camera["r0"] or 0.0))
     focal = values[0]
     scale = np.array([1.0, focal / values[names.index("fy")] if "fy" in names else 1.0])
@@ -445,7 +445,7 @@ def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, 
     centre = model.project(star, np.tile(plain, (len(ideal), 1)), constants, ideal)
     seen = model.project(star, np.tile(values, (len(ideal), 1)), constants, centre.xy)
     base = model.project(star, np.tile(plain, (len(ideal), 1)), constants, centre.xy)
-    distorting = set(names) - _NOT_DISTORTION
+    distorting = set(names) - not_distortion
     terms = [k for k, name in enumerate(camera["correlations"]["components"]) if name in distorting]
     free = [camera["correlations"]["components"][k] for k in terms]
     by_terms = seen.by_interior[:, :, [names.index(name) for name in free]]

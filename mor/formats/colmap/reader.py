@@ -231,8 +231,6 @@ def read_frames(path: Path) -> list[RigFrame]:
 
 # ---- COLMAP's text files: a thing a line, an image on two; lines that begin with # are comments.
 
-_POINTS = "x, y and the number of a point (or -1) by turns"
-
 
 class LineError(Exception):
     """A line is not what was expected; the words say how."""
@@ -313,14 +311,15 @@ def read_text_images(path: Path, draft: Draft) -> list[ColmapImage]:
 def _image_points(words: list[str]) -> tuple[FloatArray, IntArray]:
     if not words:
         return empty_points()
+    expected = "x, y and the number of a point (or -1) by turns"
     if len(words) % 3:
-        raise LineError(f"found {len(words)} numbers, expected {_POINTS}")
+        raise LineError(f"found {len(words)} numbers, expected {expected}")
     try:
         # Python's own conversion takes a fifth of the time of numpy's from text.
         xy = np.array([list(map(float, words[0::3])), list(map(float, words[1::3]))]).T
         points = np.array(list(map(int, words[2::3])), dtype=np.int64)
     except (ValueError, OverflowError) as error:
-        raise LineError(f"expected {_POINTS}: {error}") from None
+        raise LineError(f"expected {expected}: {error}") from None
     return xy, points
 
 

@@ -240,7 +240,6 @@ def sexagesimal_words(text: str, words: list[str]) -> str:
 
 CODE = "D"
 _FROM, _TARGET = slice(2, 42), NAMES[2]
-_COLUMNS = ("station", "to", "horizontal", "sigma", "set")
 
 
 class SetDirection(NamedTuple):
@@ -306,8 +305,9 @@ def put_set(found: Collected, station: str, sights: list[SetDirection], said: st
 def put_directions(found: Collected) -> None:
     """Put the sets that were read into a table."""
     rows = found.tables.pop(CODE, [])
+    columns = ("station", "to", "horizontal", "sigma", "set")
     if rows:
-        found.draft.table("observations", _COLUMNS, rows, type="directions", units={"sigma": "arcsec"})
+        found.draft.table("observations", columns, rows, type="directions", units={"sigma": "arcsec"})
 
 
 # ---- GNSS baselines and positions with their covariances: alone, or in clusters with one matrix.
@@ -738,7 +738,6 @@ def frame_of(words: list[str], draft: Draft, line: int = 1, default: Frame | Non
 
 ROOT = "DnaXmlFormat"
 STATIONS, MEASURED = "stn.xml", "msr.xml"
-_CASES = (str.lower, str.upper, str.capitalize)
 
 
 def pair_of(path: Path) -> tuple[Path, Path, str]:
@@ -754,9 +753,10 @@ def pair_of(path: Path) -> tuple[Path, Path, str]:
         raise InputError([Message(words, str(path))])
     start, end = which[-1].span()
     before, behind = path.name[:start], path.name[end:]
+    cases = (str.lower, str.upper, str.capitalize)
     pair = [
         next((place for place in map(path.with_name, names) if place.is_file()), path.with_name(names[0]))
-        for names in ([f"{before}{form(kind)}{behind}" for form in _CASES] for kind in ("stn", "msr"))
+        for names in ([f"{before}{form(kind)}{behind}" for form in cases] for kind in ("stn", "msr"))
     ]
     return pair[0], pair[1], f"{before}{behind.removesuffix(path.suffix)}".strip("._- ")
 

@@ -22,13 +22,12 @@ from mor.units import ANGLE_UNITS, parse_dms
 # ---- Elements and attributes of GNU Gama XML input, and the errors for others.
 
 Check = Callable[[str], object]
-_DMS = re.compile(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$")
 _COMPONENTS = ("xy", "XY", "z", "Z", "xyz", "XYZ", "XYz", "xyZ")
 
 
 def is_dms(text: str) -> bool:
     """True for angles written d-m-s; all others are gon."""
-    return _DMS.match(text) is not None
+    return re.match(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$", text) is not None
 
 
 def carried(text: str) -> str:

@@ -18,8 +18,6 @@ from mor.project.document import Document
 from mor.project.schema import Datum
 from mor.types import FloatArray
 
-_SECTIONS = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
-
 
 def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     """The network; what GNU Gama has no place for is noted. Raises :class:`InputError` for what it cannot say."""
@@ -181,8 +179,9 @@ def _unit(element: str, metres: float) -> float:
 
 def _section(group: ObservationTable, references: dict[str, str], row: int) -> tuple[str, str]:
     element = PARTS[group.entry.type][0].element
-    if element in _SECTIONS:
-        return _SECTIONS[element], ""
+    sections = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
+    if element in sections:
+        return sections[element], ""
     if "station" in references:
         return "obs", f"{references['station']}\0{group.rows.text('set')[row]}"
     return "obs", ""

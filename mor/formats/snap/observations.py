@@ -130,8 +130,6 @@ def _sexagesimal(degrees: float, minutes: float, seconds: float) -> float:
 
 # ---- σ of observations that come from commands (#ds_error 20 mm 10 ppm), not from their lines.
 
-_METRES = {"mm": 1e-3, "m": 1.0}
-
 
 class Error(NamedTuple):
     """Parts of a σ that are added as squares."""
@@ -161,14 +159,15 @@ def error_of(words: WordReader) -> Error:
     """The σ that a command says: numbers with their units. Raises ``ValueError``."""
     found = dict.fromkeys(Error._fields, 0.0)
     seconds = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
+    metres = {"mm": 1e-3, "m": 1.0}
     while words:
         value, unit = words.number("a number"), words.take("a unit").lower()
         if value < 0.0:
             raise ValueError(f"found {value:g}, expected an error of 0 or more")
         if unit in seconds:
             found["seconds"] = value * seconds[unit]
-        elif unit in _METRES:
-            found["metres"] = float(np.hypot(found["metres"], value * _METRES[unit]))
+        elif unit in metres:
+            found["metres"] = float(np.hypot(found["metres"], value * metres[unit]))
         elif unit == "mmrkm" and words.skip("sqrt"):  # per root of the length of a levelling line in km
             length = words.number("the length of a levelling line")
             if length < 0.0:
@@ -588,16 +587,14 @@ def _rank(code: str) -> list[tuple[int, str]]:
     return [(int(number or -1), text) for number, text in re.findall(r"(\d+)|(\D+)", code)]
 
 
-_TIMES = ("", "%H%M%S", "-%H:%M:%S", "T%H:%M:%S", "-%H:%M", "T%H:%M")
-
-
 def date_of(text: str) -> datetime | None:
     """The date, nothing for ``unknown``. Raises ``ValueError``."""
     if text.lower() == "unknown":
         return None
     plain = re.sub(r"[\s/]+", "-", text.strip())
     dates = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
-    for form in (date + time for date in dates for time in _TIMES):
+    times = ("", "%H%M%S", "-%H:%M:%S", "T%H:%M:%S", "-%H:%M", "T%H:%M")
+    for form in (date + time for date in dates for time in times):
         try:
             return datetime.strptime(plain, form)
         except ValueError:
@@ -969,10 +966,7 @@ KINDS = {
 }
 """By SNAP's letters."""
 _SETS = ("HA", "DR")
-_SIGMA = 3
-"""Where a row of them has its σ."""
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
-_CODES = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
 
 
@@ -1276,6 +1270,7 @@ def _data(data: Data, words: WordReader) -> None:
     """``#data sd error ha no_heights``: what stands on the lines that follow."""
     items: list[tuple[str, list[str]]] = []
     data.grouped, data.heights, data.header, data.prefix = False, True, None, []
+    codes = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
     while words:
         word = words.take("a data type")
         code = _code(word)
@@ -1288,7 +1283,7 @@ def _data(data: Data, words: WordReader) -> None:
             items[-1][1].append(words.take("the name of a classification").lower())
         elif not items and word.lower() in ("date", *data.classes):
             data.prefix.append(word.lower())
-        elif items and word.lower() in ("value", "error", "id", "date", "time", *_CODES, *data.classes):
+        elif items and word.lower() in ("value", "error", "id", "date", "time", *codes, *data.classes):
             items[-1][1].append(word.lower())
         else:
             raise ValueError(f"found {word!r}, expected a data type ({', '.join(KINDS)}) or one of its items")
@@ -1527,11 +1522,13 @@ def _one_step(one: Recode, other: Recode) -> Recode:
 
 def put_observations(data: Data) -> None:
     """Put the rows that were read into tables."""
+    # Where a row of them has its σ.
+    column_of_sigma = 3
     for members in data.in_sets.values():
         held = {id(one): one for _, selections in members for one in selections if one.kind == "by_set"}
         factor = _product(list(held.values()))
         for row, _ in members if held else []:
-            row.cells[_SIGMA] = repr(float(row.cells[_SIGMA] or 0.0) * factor)
+            row.cells[column_of_sigma] = repr(float(row.cells[column_of_sigma] or 0.0) * factor)
     for number, (one, file) in enumerate(data.translated, start=1):
         columns = _columns(len(one.rows[0].cells))
         keys = {"covariance": one.Q.tolist(), "instrument": f"translation {number}"}

@@ -75,15 +75,6 @@ _OBSERVATION_COMMANDS = (
     "classification",
     "set_observation_option",
 )
-_REASONS = {
-    "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
-    "deformation": "stations that move are not read; give data of one time",
-    "reference_frame": "its parameters are not read; add a frame to the project",
-    "gps_antenna_height": "write heights of antennas into the data file",
-    "configuration": "write its commands into this file",
-    "station_offset_file": "give data of the mark itself",
-}
-"""Hints for commands that are known but not supported."""
 _HELD = 1e-6
 """σ (m) of what is held in part."""
 
@@ -195,8 +186,17 @@ def _commands(path: Path, draft: Draft) -> _Commands:
     found = _Commands()
     ignored: dict[str, tuple[int, str]] = {}
     _read_commands(found, path, draft, ignored, [])
+    # Hints for commands that are known but not supported.
+    reasons = {
+        "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
+        "deformation": "stations that move are not read; give data of one time",
+        "reference_frame": "its parameters are not read; add a frame to the project",
+        "gps_antenna_height": "write heights of antennas into the data file",
+        "configuration": "write its commands into this file",
+        "station_offset_file": "give data of the mark itself",
+    }
     for name, (first, file) in ignored.items():
-        reason = f": {_REASONS[name]}" if name in _REASONS else ""
+        reason = f": {reasons[name]}" if name in reasons else ""
         draft.problem(f"command {name!r} is not supported{reason}", first, file)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"

@@ -40,7 +40,6 @@ from mor.units import ANGLE_UNITS, Quantity
 # ---- Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
 
 VECTORS = ("gnss_vector", "gnss_position")
-_CODES = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
 TYPES = tuple(dict.fromkeys(kind.type for kind in KINDS.values()))
 
 
@@ -105,7 +104,8 @@ def _heights(writing: Writing, group: ObservationTable, references: dict[str, st
 
 
 def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
-    code = _CODES[group.entry.type]
+    codes = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
+    code = codes[group.entry.type]
     kind = KINDS[code]
     ends = ("point",) if kind.point else ("from", "to")
     names = [group.rows.text(name) for name in ends]
@@ -238,9 +238,6 @@ def _lower(Q: FloatArray) -> Iterator[str]:
 
 # ---- A network on the earth as SNAP's command file, coordinate file and data file.
 
-_DEGREES, _METRES = (12, 3e-14), (9, 1e-9)
-"""Decimals of coordinates, and what the way through the network takes of them."""
-
 
 def write_snap(document: Document, folder: Path, target: Path) -> Written:
     """``.snp``, ``.crd`` and ``.dat``. Raises :class:`InputError` for what they cannot say."""
@@ -348,7 +345,9 @@ def _coordinates(points: EarthPoints, world: EarthModel) -> list[str]:
     options += ["degrees"] if geographic else []
     lines = [f"options {' '.join(options)}"]
     units = np.array([np.degrees(1.0)] * 2 + [1.0]) if geographic else np.ones(3)
-    digits = [_DEGREES, _DEGREES, _METRES] if geographic else [_METRES] * 3
+    # Decimals of coordinates, and what the way through the network takes of them.
+    degrees, metres = (12, 3e-14), (9, 1e-9)
+    digits = [degrees, degrees, metres] if geographic else [metres] * 3
     seconds = (points.deflections / ANGLE_UNITS["arcsec"]).tolist()
     for name, given, two, N in zip(
         points.ids, (points.given * units).tolist(), seconds, np.nan_to_num(points.geoid).tolist(), strict=True
