@@ -144,10 +144,10 @@ def _decided(observations: int, times: int) -> bool:
                     _compile_apart()
                 # Take all kernels from the cache; raises where it is not whole.
                 folder = _folder()
+                damaged = "the cache of kernels is damaged, mor compile renews it: {file}"
                 for name, checksum in json.loads((folder / _SEAL).read_text()).items():
-                    file = folder / name
-                    if _checksum(file) != checksum:
-                        raise _UnusableError(f"the cache of kernels is damaged, mor compile renews it: {file}")
+                    if _checksum(folder / name) != checksum:
+                        raise _UnusableError(damaged.format(file=folder / name))
                 with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
                     os.utime(folder)
                 for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):

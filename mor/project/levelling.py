@@ -199,10 +199,11 @@ class Levelling:
         known: dict[str, list[list[tuple[int, float | None]]]] = {}
         renamed: list[str] = []
         found: list[dict[str, str]] = []
+        benchmark = re.compile(r"t?bm(?:[^a-z]|[a-z]?\d*$)|bench ?mark", re.IGNORECASE)
         for here, line in enumerate(self.lines):
             names = {}
             for name in sorted(line.inside()):
-                if re.match(r"t?bm(?:[^a-z]|[a-z]?\d*$)|bench ?mark", name, flags=re.IGNORECASE):
+                if benchmark.match(name):
                     continue
                 height = line.heights.get(name)
                 final: list[tuple[int, float | None]] = [
