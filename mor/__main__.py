@@ -27,10 +27,7 @@ def main() -> None:
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) in (
-                signal.SIG_DFL,
-                signal.default_int_handler,
-            ):
+            if number is not None and signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
                 heeded.append(number)
                 signal.signal(number, _interrupt)
         sys.unraisablehook = _unraisable

@@ -31,9 +31,7 @@ FORMATS: dict[str, FileFormat] = {
     ),
     "colmap-binary": FileFormat("COLMAP model, written as binary", write="colmap.writer:write_colmap_binary"),
     "opensfm": FileFormat(
-        "OpenSfM or OpenDroneMap block (folder, reconstruction.json)",
-        "opensfm:read_opensfm",
-        folder=True,
+        "OpenSfM or OpenDroneMap block (folder, reconstruction.json)", "opensfm:read_opensfm", folder=True
     ),
     "gcp": FileFormat(
         "OpenDroneMap ground control (gcp_list.txt)",
@@ -98,10 +96,7 @@ FORMATS: dict[str, FileFormat] = {
     ),
     "comp3d": FileFormat("Comp3D (.comp, or .cor with .obs)", "comp3d:read_comp3d", suffixes=(".obs", ".cor", ".comp")),
     "sinex": FileFormat(
-        "SINEX: a GNSS solution with its covariance matrix",
-        "sinex:read_sinex",
-        "sinex:write_sinex",
-        suffixes=(".snx",),
+        "SINEX: a GNSS solution with its covariance matrix", "sinex:read_sinex", "sinex:write_sinex", suffixes=(".snx",)
     ),
     "jag3d": FileFormat(
         "JAG3D column text (folder, names of files tell their kinds)",

@@ -262,10 +262,7 @@ def _to_project(chunk: Element, origin: FloatArray | None) -> tuple[FloatArray, 
 
 
 def _to_references(
-    chunk: Element,
-    found: MetashapeChunk,
-    known: Mapping[str, tuple[list[str | None], list[str | None]]],
-    draft: Draft,
+    chunk: Element, found: MetashapeChunk, known: Mapping[str, tuple[list[str | None], list[str | None]]], draft: Draft
 ) -> tuple[FloatArray, FloatArray, float] | None:
     """Rotation, translation and scale from the chunk to references in a projection, for start values; else ``None``.
 

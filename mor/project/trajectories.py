@@ -50,15 +50,7 @@ from mor.project.points import positions, rotations
 from mor.project.rows import ReadGroup, group_name, own_or_common, planned_rows, sigma_is_good
 from mor.project.schema import Camera, Observations, TrajectoryEntry
 from mor.project.stations import shared_column
-from mor.project.tables import (
-    Column,
-    Rows,
-    TableLocation,
-    component_columns,
-    number_column,
-    read_table,
-    settings,
-)
+from mor.project.tables import Column, Rows, TableLocation, component_columns, number_column, read_table, settings
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import IMAGE, NUMBER, TIME
 

@@ -37,17 +37,7 @@ from mor.report import verdict as words_of_reliability
 from mor.report.estimates import image_table, point_table, rms_sigma, station_table
 from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
-from mor.report.layout import (
-    DIGITS,
-    cells,
-    heading,
-    paragraphs,
-    round_length,
-    short,
-    sigma_decimals,
-    small_unit,
-    table,
-)
+from mor.report.layout import DIGITS, cells, heading, paragraphs, round_length, short, sigma_decimals, small_unit, table
 from mor.report.movements import DRAWING_WIDTH, MARGIN, drawing, fitted, labels, widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
@@ -612,13 +602,7 @@ USUAL_FILES = ("design.json", "design.txt", "design.html")
 """Files that every plan has."""
 
 
-def write_design(
-    solved: Solved,
-    text: str,
-    data: str,
-    more: dict[str, Content],
-    place: Reservation,
-) -> None:
+def write_design(solved: Solved, text: str, data: str, more: dict[str, Content], place: Reservation) -> None:
     """Write report, data and tables of a plan; where it has no solution report and data alone."""
     writers: dict[str, Content] = {"design.txt": text, "design.json": data, **more}
     if solved.quality is not None:
