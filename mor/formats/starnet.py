@@ -624,16 +624,8 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
 # geocentric coordinates.
 
 _RESTORED = (
-    "plane",
-    "reduced",
-    "delta",
-    "east_first",
-    "from_first",
-    "metres",
-    "gon",
-    "separator",
-    "instrument",
-    "positive_west",
+    *("plane", "reduced", "delta", "east_first", "from_first"),
+    *("metres", "gon", "separator", "instrument", "positive_west"),
 )
 """Options of the project that hold again where another data file begins."""
 
@@ -1038,15 +1030,8 @@ def _dimensions(network: StarNetContext) -> str:
 # Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
 
 _TYPES = (
-    "distance",
-    "horizontal_distance",
-    "directions",
-    "zenith_directions",
-    "angle",
-    "bearing",
-    "zenith_angle",
-    "vertical_direction",
-    "height_difference",
+    *("distance", "horizontal_distance", "directions", "zenith_directions", "angle"),
+    *("bearing", "zenith_angle", "vertical_direction", "height_difference"),
 )
 """Types that STAR*NET has."""
 _SECOND = ANGLE_UNITS["arcsec"]

@@ -32,17 +32,8 @@ _COMMENT = re.compile(r"(?:^|(?<=\s))[%#]|%")
 
 FREE_TEXT = ("Project", "Source", "Graphics")
 OBSERVED = (
-    "LevelledHeightDifferences",
-    "Distances",
-    "SpatialDistances",
-    "Directions",
-    "Angles",
-    "GridBearings",
-    "ZenithAngles",
-    "VerticalAngles",
-    "TrigonometricHeightDifferences",
-    "PositionAngles",
-    "3DBaseline",
+    *("LevelledHeightDifferences", "Distances", "SpatialDistances", "Directions", "Angles", "GridBearings"),
+    *("ZenithAngles", "VerticalAngles", "TrigonometricHeightDifferences", "PositionAngles", "3DBaseline"),
 )
 KNOWN = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
 

@@ -38,16 +38,8 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
     """
     cartesian = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
     about_vertical = (
-        "distance",
-        "horizontal_distance",
-        "distance_ratio",
-        "directions",
-        "zenith_directions",
-        "bearing",
-        "vertical_direction",
-        "zenith_angle",
-        "angle",
-        "spatial_angle",
+        *("distance", "horizontal_distance", "distance_ratio", "directions", "zenith_directions"),
+        *("bearing", "vertical_direction", "zenith_angle", "angle", "spatial_angle"),
     )
     # What the keys of image coordinates begin with.
     images = ("image/", "follower/")

@@ -641,16 +641,8 @@ def _positions(draft: Draft) -> bool:
 
 def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
     columns = (
-        "id",
-        "latitude",
-        "longitude",
-        "height",
-        "geoid",
-        "deflection_north",
-        "deflection_east",
-        "sigma_east",
-        "sigma_north",
-        "sigma_up",
+        *("id", "latitude", "longitude", "height", "geoid"),
+        *("deflection_north", "deflection_east", "sigma_east", "sigma_north", "sigma_up"),
     )
     units = {"latitude": "deg", "longitude": "deg"}
     for which, rows in tables.items():
