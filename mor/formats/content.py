@@ -378,9 +378,6 @@ def rays_of_points(
     return some_rays(rays, chosen), [Message(words, content.document.file)]
 
 
-_SECTIONS = ("stations", "systems", "features", "instruments", "pairs", "checks", "trajectories", "line_times")
-
-
 def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str) -> list[Message]:
     """Return counted notes on observations, sections and columns that a format cannot hold."""
     project, file = content.project, content.document.file
@@ -388,7 +385,8 @@ def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, .
     for entry in project.observations:
         if entry.type not in types:
             notes.append(f"observations {entry.name or entry.type} ({entry.type})")
-    for section in _SECTIONS:
+    of_others = ("stations", "systems", "features", "instruments", "pairs", "checks", "trajectories", "line_times")
+    for section in of_others:
         found = getattr(project, section)
         if found and section not in sections:
             notes.append(counted(len(found), f"entry of {section}", f"entries of {section}"))

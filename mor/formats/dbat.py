@@ -403,8 +403,6 @@ def sigmas(row: TableLine) -> list[str | None]:
 # Adjustment Toolbox*, its demonstration scripts and the descriptions of its input.
 
 _CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz")
-_MARKS = ("id", "im", "x", "y", "sx", "sy", "sxy")
-_POSES = ("id", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz", "omega", "phi", "kappa", "so", "sp", "sk")
 SIGMA = "1"
 """σ of image coordinates, px, where the script and its tables have none."""
 
@@ -490,7 +488,8 @@ def _put_images(sections: dict[str, Element], root: Element, folder: Path, draft
         return {}
     rows = table_of(given, folder, ("id", "label", "path", "cam"), ("id",), draft)
     prior = _file(sections.get("prior_eo"), draft)
-    poses = {row.cells["id"]: row for row in table_of(prior, folder, _POSES, ("id",), draft)} if prior else {}
+    columns_of_poses = ("id", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz", "omega", "phi", "kappa", "so", "sp", "sk")
+    poses = {row.cells["id"]: row for row in table_of(prior, folder, columns_of_poses, ("id",), draft)} if prior else {}
     names = _names(rows, draft)
     single = next(iter(draft.data["cameras"])) if len(draft.data["cameras"]) == 1 else "1"
     table = []
@@ -571,8 +570,9 @@ def _put_marks(given: Element, folder: Path, images: dict[str, str], control: se
     files = [file for section in given.all("image_pts") for file in section.all("file")]
     if not files:
         draft.problem("found no <image_pts> with a <file> in <input>")
+    columns_of_marks = ("id", "im", "x", "y", "sx", "sy", "sxy")
     for file in files:
-        rows = table_of(file, folder, _MARKS, ("id", "im", "x", "y"), draft)
+        rows = table_of(file, folder, columns_of_marks, ("id", "im", "x", "y"), draft)
         used = [row for row in rows if row.cells["im"] in images]
         if len(used) < len(rows):
             first = next(row for row in rows if row.cells["im"] not in images)

@@ -139,7 +139,7 @@ _OFF, _RIG, _UNSEEN = (
     "in which no marker is measured",
 )
 """Why images are not read."""
-SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
+_SIGMA = {"markers": 0.005, "projections": 0.5, "cameras": 10.0, "tiepoints": 1.0}
 """σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
 
 
@@ -355,7 +355,7 @@ def _origin(chunk: Element) -> FloatArray | None:
 
 def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
     """Markers with their reference coordinates (start values where switched off); true where some are control."""
-    system, common = _system(chunk, "marker"), _accuracies(chunk, "markers", SIGMA_MARKER)
+    system, common = _system(chunk, "marker"), _accuracies(chunk, "markers")
     control = 0
     for marker in _section(chunk, "markers", "marker"):
         if "id" not in marker.attributes:
@@ -403,18 +403,21 @@ def _reference(
     return place, [s if p is not None else None for s, p in zip(sigma, place, strict=True)]
 
 
-def _accuracy(chunk: Element, name: str, default: float) -> str:
+def _accuracy(chunk: Element, things: str, default: float | None = None) -> str:
     for settings in chunk.all("settings"):
         for given in settings.all("property"):
-            if given.attributes.get("name") == name and parse_number(given.attributes.get("value", "")) > 0.0:
+            if (
+                given.attributes.get("name") == f"accuracy_{things}"
+                and parse_number(given.attributes.get("value", "")) > 0.0
+            ):
                 return given.attributes["value"]
-    return repr(default)
+    return repr(_SIGMA[things] if default is None else default)
 
 
-def _accuracies(chunk: Element, things: str, default: float) -> tuple[str, str]:
+def _accuracies(chunk: Element, things: str) -> tuple[str, str]:
     """σ of coordinates in plan and in height: one for both, or two."""
-    both = float(_accuracy(chunk, f"accuracy_{things}", default))
-    return _accuracy(chunk, f"accuracy_{things}_xy", both), _accuracy(chunk, f"accuracy_{things}_z", both)
+    both = float(_accuracy(chunk, things))
+    return _accuracy(chunk, f"{things}_xy", both), _accuracy(chunk, f"{things}_z", both)
 
 
 def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Draft) -> bool:
@@ -513,7 +516,7 @@ def _attitudes(
     not kept. Only for images with an observed position in a local system: elsewhere yaw may refer to another north.
     """
     found: dict[str, tuple[list[str | None], list[str | None]]] = {}
-    sigma = np.radians(float(_accuracy(chunk, "accuracy_cameras_ypr", 0.0)))
+    sigma = np.radians(float(_accuracy(chunk, "cameras_ypr", 0.0)))
     if not sigma or _system(chunk, "camera") != "local":
         return found
     for camera in _section(chunk, "cameras", "camera"):
@@ -537,7 +540,7 @@ def _positions(
     chunk: Element, origin: FloatArray | None, draft: Draft
 ) -> dict[str, tuple[list[str | None], list[str | None]]]:
     """Reference positions of cameras that are switched on, with their σ, by the numbers of the cameras."""
-    found, common = {}, _accuracies(chunk, "cameras", SIGMA_CAMERA)
+    found, common = {}, _accuracies(chunk, "cameras")
     for camera in _section(chunk, "cameras", "camera"):
         for given in camera.all("reference"):
             if given.attributes.get("enabled", "true") in ("true", "1") and "x" in given.attributes:
@@ -585,7 +588,7 @@ def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> Non
             f"{counted(lost[_RIG], 'projection')} are in images {_RIG}, which are not read",
             chunk.line,
         )
-    sigma = _accuracy(chunk, "accuracy_projections", SIGMA_PROJECTION)
+    sigma = _accuracy(chunk, "projections")
     if rows:
         columns = ("image", "point", "x", "y")
         draft.table("observations", columns, rows, type="image", units="px", values={"sigma": sigma})
@@ -608,7 +611,7 @@ def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None
     if found.posed:
         R, t, s = found.there or (np.eye(3), np.zeros(3), 1.0)
         xyz = s * found.tie.xyz @ R.T + t
-    sigma = _accuracy(chunk, "accuracy_tiepoints", SIGMA_TIE_POINT)
+    sigma = _accuracy(chunk, "tiepoints")
     put_tie_points(draft, found.tie, found.cameras, found.markers.values(), xyz, sigma)
 
 
@@ -678,7 +681,7 @@ def read_reference(path: Path) -> Document:
 def _put(cells: list[tuple[int, list[str]]], columns: dict[str, int], names: list[str], draft: Draft) -> None:
     labels = [row[columns["id"]].strip() for _, row in cells if len(row) > columns["id"]]
     cameras = "yaw" in columns or (bool(labels) and all(IMAGE.search(name) for name in labels))
-    default = repr(SIGMA_CAMERA if cameras else SIGMA_MARKER)
+    default = repr(_SIGMA["cameras" if cameras else "markers"])
     rows, off, twice = [], 0, set()
     for line, row in cells:
         given = {name: row[k].strip() for name, k in columns.items() if k < len(row)}

@@ -251,9 +251,6 @@ def zenith_in_face_one(value: FloatArray, face: FloatArray) -> FloatArray:
 
 # ---- A network on the earth for writers: where its points are and what is held of them, clusters of GNSS.
 
-_HELD = 1e-6
-"""Largest σ (m) that is as good as none."""
-
 
 class EarthPoints(NamedTuple):
     """Points at their start values, in metres and radians; arrays have a row for each."""
@@ -335,6 +332,8 @@ def _tables(content: Content, world: EarthModel, what: str, problems: list[Messa
     """
     edge, known = content.edge, {}
     names, coordinates = ("sigma_east", "sigma_north", "sigma_up"), world.system.coordinates
+    # Largest σ (m) that is as good as none.
+    exact = 1e-6
     for number, table in enumerate(content.project.points):
         columns = [Column("id", required=True), Column(GEOID), *(Column(name) for name in DEFLECTIONS)]
         columns += [number_column(name, LENGTH, edge) for name in ("sigma", *names)]
@@ -345,7 +344,7 @@ def _tables(content: Content, world: EarthModel, what: str, problems: list[Messa
         sigma = np.stack([rows.number(name) for name in names], axis=1)
         sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma) * edge.metres
         sigma[:] = 0.0 if table.fixed else sigma
-        if (sigma > _HELD * (1.0 + 1e-9)).any():
+        if (sigma > exact * (1.0 + 1e-9)).any():
             words = "coordinates or leaves them free: observe them instead (gnss_position with a covariance)"
             problems.append(content.place("points", number).problem(f"{what} holds {words}"))
         start = np.stack([rows.number(f"start_{name}") for name in coordinates], axis=1)

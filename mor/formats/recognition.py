@@ -858,8 +858,6 @@ def read_marks(path: Path, draft: Draft) -> list[tuple[str, NamedValues]]:
 
 _RECOGNITION_HEAD = 1 << 16
 """Bytes at the beginning of a file that tell its format."""
-_RECORDS = 40
-"""Lines that tell a format of records."""
 _ROOT = re.compile(
     r"\ufeff?\s*(?:(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE(?:[^\[>]|\[.*?\])*>)\s*)*<(?:[\w.-]+:)?([A-Za-z_][\w.-]*)",
     re.DOTALL,
@@ -900,7 +898,9 @@ class Sample:
         """The first lines that are not empty, without the control characters of a serial line."""
         lines = self.text.split("\n")
         lines = lines[:-1] if len(self.head) == _RECOGNITION_HEAD else lines
-        return [bare for line in lines if (bare := line.strip("\0\1\2\3\4\x1a\r")).strip()][:_RECORDS]
+        # Lines that tell a format of records.
+        enough_lines = 40
+        return [bare for line in lines if (bare := line.strip("\0\1\2\3\4\x1a\r")).strip()][:enough_lines]
 
     @cached_property
     def kind(self) -> str:

@@ -453,12 +453,6 @@ def _about_vertical(type_: ObservationType, horizon: Horizon, constants: tuple[C
 
 # ---- Observed coordinates in the projection of the project: antennas of cameras, control that is measured again.
 
-PLACE = tuple(Component(f"given {name}", LENGTH) for name in "xyz")
-"""Object coordinates of what was observed."""
-GRID = tuple(Component(f"grid {name}", NUMBER) for name in ("ee", "en", "ne", "nn"))
-"""∂(east, north)/∂(e, n) there: scale and convergence of the projection."""
-OBSERVED = tuple(Component(f"observed {name}", LENGTH) for name in ("east", "north", "height"))
-
 
 def projected_position(horizon: Horizon) -> ObservationType:
     """(east, north, height) of a position, the projection linearised where the position was observed.
@@ -473,13 +467,18 @@ def projected_position(horizon: Horizon) -> ObservationType:
         moved = np.einsum("nij,nj->ni", by_position, blocks[0] - place)
         return Computed(observed + moved, (by_position,))
 
+    # Object coordinates of what was observed.
+    given_place = tuple(Component(f"given {name}", LENGTH) for name in "xyz")
+    # ∂(east, north)/∂(e, n) there: scale and convergence of the projection.
+    grid_factors = tuple(Component(f"grid {name}", NUMBER) for name in ("ee", "en", "ne", "nn"))
+    observed_coordinates = tuple(Component(f"observed {name}", LENGTH) for name in ("east", "north", "height"))
     return ObservationType(
         key="projected_position",
         components=tuple(Component(name, LENGTH) for name in ("east", "north", "height")),
         references=(Reference("point", POSITIONS),),
         slots=(Slot("point", "point", "position"),),
         equation=equation,
-        constants=(*PLACE, *GRID, *OBSERVED),
+        constants=(*given_place, *grid_factors, *observed_coordinates),
     )
 
 

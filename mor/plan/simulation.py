@@ -290,7 +290,7 @@ def conditions(problem: Problem) -> list[int]:
 
 def unwritten(problem: Problem) -> list[int]:
     """Groups whose errors have to be in the place."""
-    steady = {kind.key for kind in STEADINESS}
+    steady = {kind.key for kind in STEADINESS.values()}
     return [k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in steady]
 
 

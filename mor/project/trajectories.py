@@ -23,13 +23,10 @@ from mor.model.parameters import (
 from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.model.trajectory import (
     ATTITUDE,
-    CONSTANT_ATTITUDE,
-    CONSTANT_POSITION,
     CUBIC,
     LINEAR,
     POSITION,
-    SMOOTH_ATTITUDE,
-    SMOOTH_POSITION,
+    STEADINESS,
     trajectory_attitude,
     trajectory_position,
 )
@@ -490,16 +487,10 @@ def _strip(
 def steadiness_groups(reading: Reading) -> list[ObservationGroup]:
     """One group for every table of trajectories and kind of difference that has a σ."""
     groups = []
-    types_by_key = {
-        ("constancy", "position"): CONSTANT_POSITION,
-        ("constancy", "attitude"): CONSTANT_ATTITUDE,
-        ("smoothness", "position"): SMOOTH_POSITION,
-        ("smoothness", "attitude"): SMOOTH_ATTITUDE,
-    }
     for number, table in enumerate(reading.project.trajectories):
         own = {name.rpartition("@")[0] for name in reading.table_ids.get(("trajectories", number), [])}
         trajectories = [reading.trajectories[name] for name in reading.trajectories if name in own]
-        for (key, part), type_ in types_by_key.items():
+        for (key, part), type_ in STEADINESS.items():
             text = getattr(getattr(table, key), part)
             if text is None:
                 continue

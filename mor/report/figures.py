@@ -38,7 +38,6 @@ from mor.units import LENGTH_UNITS
 CONFIDENCE = 0.95
 BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
 """Half the width of a band of confidence, in units of σ."""
-_AROUND = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
 
 
 def camera_figures(data: PageData) -> list[dict[str, Figure]]:
@@ -120,8 +119,9 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words) -> Figu
     scale = round_length(1.2 * spacing / size) if size > 0.0 else 1.0
     tips = ideal + scale * outcome.shift
     largest = float(np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2).max(initial=0.0)))
-    enlarged = round_length(0.5 * spacing / (_AROUND * largest)) if largest > 0.0 else scale
-    around = ellipse_lines(tips, outcome.covariance, enlarged * _AROUND, 21)
+    semi_axis = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
+    enlarged = round_length(0.5 * spacing / (semi_axis * largest)) if largest > 0.0 else scale
+    around = ellipse_lines(tips, outcome.covariance, enlarged * semi_axis, 21)
     around = np.concatenate([around, np.full((len(tips), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     unit = str(camera["unit"])
     traces = _vectors(ideal, tips, words("distortion × {scale}", scale=f"{scale:g}"), BLUE)

@@ -228,7 +228,6 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 # ---- The verdict in plain words: statements, each with its numbers, good, doubtful or bad.
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
-_NARROW = {"gon": 10.0, "deg": 9.0}
 
 
 class Statement(NamedTuple):
@@ -520,13 +519,14 @@ def _geometry(data: PageData) -> Statement | None:
         return None
     only = data.points.filter(pl.col("others") == 0)
     two = (data.view.reliability or {}).get("points_barely_determined", 0)
-    narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
+    limits = {"gon": 10.0, "deg": 9.0}
+    narrow = only.filter(pl.col("angle") < limits[data.angle_unit]).height
     words = data.words(
         "{two:point has|points have} at most one observation more than they need (two rays, or sights and distances "
         "instead); {narrow} of those that only rays determine under less than {limit} {unit}.",
         two=two,
         narrow=narrow,
-        limit=f"{_NARROW[data.angle_unit]:g}",
+        limit=f"{limits[data.angle_unit]:g}",
         unit=data.angle_unit,
     )
     return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words, "tests")

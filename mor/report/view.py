@@ -393,8 +393,6 @@ def covered(xy: FloatArray, area: float) -> float:
 # constant and the principal point alone. Its σ follows from the covariance of the distortion components,
 # those of the camera constant and the principal point left aside.
 
-_AZIMUTHS = 16
-
 
 class DistortionField(NamedTuple):
     """Distortion at n ideal image points (n, 2), with covariances (n, 2, 2); image unit of the camera."""
@@ -420,12 +418,13 @@ def distortion(camera: dict[str, Any], ideal: FloatArray) -> DistortionField:
 def radial_curve(camera: dict[str, Any], largest: float, count: int = 61) -> RadialCurve:
     """Radial distortion of a camera from the principal point to the radius ``largest``."""
     radius = np.linspace(0.0, largest, count)[1:]
-    azimuth = np.arange(_AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+    azimuths = 16
+    azimuth = np.arange(azimuths) * 2.0 * np.pi / azimuths
     direction = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     shift, by_terms, covariance = _linearised(camera, (radius[:, None, None] * direction).reshape(-1, 2))
     along = np.tile(direction, (len(radius), 1))
-    mean = np.einsum("nk,nk->n", shift, along).reshape(-1, _AZIMUTHS).mean(axis=1)
-    form = np.einsum("nk,nkp->np", along, by_terms).reshape(len(radius), _AZIMUTHS, -1).mean(axis=1)
+    mean = np.einsum("nk,nk->n", shift, along).reshape(-1, azimuths).mean(axis=1)
+    form = np.einsum("nk,nkp->np", along, by_terms).reshape(len(radius), azimuths, -1).mean(axis=1)
     sigma = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", form, covariance, form), 0.0))
     zero = np.zeros(1)
     return RadialCurve(np.append(zero, radius), np.append(zero, mean), np.append(zero, sigma))

@@ -477,14 +477,14 @@ _STATIC = ("GDA94", "GDA2020")
 """Frames that move with the plate."""
 _DEFAULT = Frame("GDA2020", "01.01.2020")
 """DynAdjust's own."""
-_EPOCH = re.compile(r"\d\d?\.\d\d?\.\d{4}")
 
 
 def frame_among(words: Iterable[str], default: Frame = Frame("", "")) -> Frame:  # noqa: B008 - it does not change
     """The first name among words, and the first date behind it; what is missing is that of another frame."""
     name, epoch = "", ""
+    date_form = re.compile(r"\d\d?\.\d\d?\.\d{4}")
     for word in words:
-        date = _EPOCH.match(word)
+        date = date_form.match(word)
         if date:
             epoch = epoch or date[0]
         elif word[0].isalpha() and not name:

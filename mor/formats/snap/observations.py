@@ -284,16 +284,6 @@ def projection_of(name: str) -> str:
     return PROJECTIONS[name.upper()]
 
 
-_OPTIONS = {
-    *("orthometric_heights", "ellipsoidal_heights", "degrees"),
-    *("deflections", "geoid_heights", "geoid", "station_orders"),
-    *("no_deflections", "no_geoid_heights", "no_geoid", "no_station_orders"),
-}
-
-_COLUMNS = {"deflections": ["deflection_north", "deflection_east"], "geoid_heights": ["geoid_undulation"]}
-"""Columns behind a height that an option announces, in their order."""
-
-
 class SnapStation(NamedTuple):
     """A station as it was given; angles in degrees, deflections in arc seconds."""
 
@@ -352,7 +342,12 @@ def read_stations(path: Path, draft: Draft, form: Definition | None) -> StationF
     code = lines[1].words[0]
     crs, frame = _system(code, path, lines[1].number)
     given = [word.lower() for word in lines[2].words] if len(lines) > 2 else []
-    has_options = bool(given) and (given[0] == "options" or given[0] in _OPTIONS)
+    known_options = {
+        *("orthometric_heights", "ellipsoidal_heights", "degrees"),
+        *("deflections", "geoid_heights", "geoid", "station_orders"),
+        *("no_deflections", "no_geoid_heights", "no_geoid", "no_station_orders"),
+    }
+    has_options = bool(given) and (given[0] == "options" or given[0] in known_options)
     options = given[given[0] == "options" :] if has_options else ["geoid"]
     classes = [
         "order" if word == "station_orders" else word[2:]
@@ -397,7 +392,9 @@ def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
     classes = list(dict.fromkeys(name for record in found for name in record.classes))
     options = ["options", "degrees", f"{heights.pop()}_heights", *(f"c={name}" for name in classes)]
     optional = []
-    for option, columns in _COLUMNS.items():
+    # Columns behind a height that an option announces, in their order.
+    more_columns = {"deflections": ["deflection_north", "deflection_east"], "geoid_heights": ["geoid_undulation"]}
+    for option, columns in more_columns.items():
         if given & set(columns):
             options.append(option)
             optional += columns

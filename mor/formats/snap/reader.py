@@ -49,8 +49,6 @@ _OBSERVATION_COMMANDS = (
     "classification",
     "set_observation_option",
 )
-_HELD = 1e-6
-"""σ (m) of what is held in part."""
 
 
 class _Command(NamedTuple):
@@ -216,22 +214,20 @@ def _file_of(words: WordReader, path: Path) -> Path:
     return path.parent / words.take("the name of a file").strip("\"'")
 
 
-_PARTS = ("coordinates", "classes", "existing_classes", "stations")
-
-
 def _added(path: Path, name: str, words: WordReader) -> tuple[Path, set[str]]:
     """Another coordinate file, and what is taken from it: of another coordinate_file its new stations."""
     parts = {"stations"} if name == "coordinate_file" else set()
+    kinds_of_parts = ("coordinates", "classes", "existing_classes", "stations")
     while name == "add_coordinate_file" and not words.skip("from"):
         part = words.take("from").lower()
         if part == "epoch":
             words.take("a date")
-        elif part in _PARTS:
+        elif part in kinds_of_parts:
             parts.add(part)
         else:
-            raise ValueError(f"found {part!r}, expected {', '.join(_PARTS)} or from")
+            raise ValueError(f"found {part!r}, expected {', '.join(kinds_of_parts)} or from")
     if not parts:
-        raise ValueError(f"found no option before from, expected {', '.join(_PARTS)}")
+        raise ValueError(f"found no option before from, expected {', '.join(kinds_of_parts)}")
     return _file_of(words, path), parts
 
 
@@ -427,17 +423,19 @@ def _put_stations(data: Data, commands: _Commands) -> None:
     units = {name: "deg" for name in own if name in ("latitude", "longitude")}
     units |= dict.fromkeys(columns[-2:], "arcsec") if stations.deflections else {}
     in_part = False
+    # σ (m) of what is held in part.
+    exact = 1e-6
     for ((horizontal, vertical), path), rows in tables.items():
         held = horizontal == 0.0 and vertical == 0.0
         observed = [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
         in_part |= 0.0 in (value for _, value in observed)
-        given = [(column, repr(value or _HELD)) for column, value in observed if value is not None]
+        given = [(column, repr(value or exact)) for column, value in observed if value is not None]
         cells = [Row([*row.cells, *(value for _, value in given)], row.line) for row in rows]
         names = [*columns, *(column for column, _ in given)]
         fixed = ["x", "y", "z"] if held else []
         draft.table("points", names, cells, str(path), units=units or None, fixed=fixed)
     if in_part:
-        words = f"coordinates that are fixed in part are observed with σ = {_HELD} m"
+        words = f"coordinates that are fixed in part are observed with σ = {exact} m"
         draft.note(words, 1, str(stations.path))
 
 
