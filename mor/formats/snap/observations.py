@@ -225,41 +225,15 @@ def vector_error_of(words: WordReader, code: str) -> VectorError:
 # ---- Station coordinate files: places in the coordinate system of the adjustment, with geoid heights and deflections.
 
 _CIRCUITS = (
-    ("EDEN", 5),
-    ("PLEN", 6),
-    ("POVE", 7),
-    ("HAWK", 8),
-    ("TARA", 9),
-    ("TUHI", 10),
-    ("WANG", 11),
-    ("WAIR", 12),
-    ("WELL", 13),
-    ("COLL", 14),
-    ("NELS", 15),
-    ("KARA", 16),
-    ("BULL", 17),
-    ("GREY", 18),
-    ("AMUR", 19),
-    ("MARL", 20),
-    ("HOKI", 21),
-    ("OKAR", 22),
-    ("JACK", 23),
-    ("PLEA", 24),
-    ("GAWL", 25),
-    ("TIMA", 26),
-    ("LIND", 27),
-    ("NICH", 28),
-    ("YORK", 29),
-    ("OBSE", 30),
-    ("TAIE", 31),
-    ("BLUF", 32),
+    *("EDEN", "PLEN", "POVE", "HAWK", "TARA", "TUHI", "WANG", "WAIR", "WELL", "COLL", "NELS", "KARA", "BULL", "GREY"),
+    *("AMUR", "MARL", "HOKI", "OKAR", "JACK", "PLEA", "GAWL", "TIMA", "LIND", "NICH", "YORK", "OBSE", "TAIE", "BLUF"),
 )
-"""Letters of the meridional circuits of New Zealand, and the last digits of EPSG codes: 272.. of 1949, 21.. of 2000."""
+"""Letters of the meridional circuits of New Zealand; their EPSG codes count from 27205 (of 1949) and 2105 (of 2000)."""
 PROJECTIONS = {
     "NZMG": "EPSG:27200",
     "NZTM": "EPSG:2193",
-    **{f"{name}TM1949": f"EPSG:{27200 + number}" for name, number in _CIRCUITS},
-    **{f"{name}TM2000": f"EPSG:{2100 + number}" for name, number in _CIRCUITS},
+    **{f"{name}TM1949": f"EPSG:{code}" for code, name in enumerate(_CIRCUITS, 27205)},
+    **{f"{name}TM2000": f"EPSG:{code}" for code, name in enumerate(_CIRCUITS, 2105)},
 }
 SYSTEMS = {
     "NZGD1949": "EPSG:4272",
