@@ -220,14 +220,12 @@ class _Reader:
         if depth > 8:
             raise InputError([Message("files name each other in a circle", str(path))])
         for line, words in _words(path, self.draft):
-            try:
+            with self.draft.at(line, str(path)):
                 if words[0].startswith("@"):
                     name = words[0][1:] or (words[1] if len(words) > 1 else "")
                     self.file(path.parent / name.replace("\\", "/"), read, depth + 1)
                 else:
                     read(words, line, str(path))
-            except ValueError as error:
-                self.draft.problem(str(error), line, str(path))
 
     def settings(self, found: dict[str, str]) -> None:
         """Refraction and centre of a project. Raises ``ValueError``."""
@@ -398,48 +396,45 @@ class _Reader:
             if projected and code in on_a_sphere and (code != 9 or self.system is None):
                 self.leave_out(f"{on_a_sphere[code]} in a projection (use_proj)", line, file)
                 continue
-            try:
+            with self.draft.at(line, file):
                 value, a, *rest = (parse_number(word) for word in words[3:8])
-            except ValueError as error:
-                self.draft.problem(str(error), line, file)
-                continue
-            if {origin, target} & self.ignored:
-                self.leave_out("observations of points that are ignored", line, file)
-                continue
-            b, *heights = [*rest, 0.0, 0.0, 0.0][:3]
-            if code == 9:
-                rows = self._centring(origin, target, a, b or a, line, file)
-                if projected and rows:
-                    name = f"{origin}@9.{len(self.centrings) + 1}"
-                    omega, phi = self._level_attitude(origin, [target])
-                    _, _, east, north, sigma_east, sigma_north = rows[0].cells
-                    self.centrings.append(
-                        (
-                            _row([name, origin, 1.0, omega, phi, 0.0], line),
-                            [Row([name, target, east, north, sigma_east, sigma_north], line)],
+                if {origin, target} & self.ignored:
+                    self.leave_out("observations of points that are ignored", line, file)
+                    continue
+                b, *heights = [*rest, 0.0, 0.0, 0.0][:3]
+                if code == 9:
+                    rows = self._centring(origin, target, a, b or a, line, file)
+                    if projected and rows:
+                        name = f"{origin}@9.{len(self.centrings) + 1}"
+                        omega, phi = self._level_attitude(origin, [target])
+                        _, _, east, north, sigma_east, sigma_north = rows[0].cells
+                        self.centrings.append(
+                            (
+                                _row([name, origin, 1.0, omega, phi, 0.0], line),
+                                [Row([name, target, east, north, sigma_east, sigma_north], line)],
+                            )
                         )
-                    )
+                    else:
+                        tables["vector"] += rows
+                    continue
+                lengths = in_plan if self.horizontal and code in (5, 7, 8) else distances
+                length = lengths.get((origin, target)) or lengths.get((target, origin))
+                if b and not length:
+                    self.leave_out("parts of σ that depend on an unknown distance", line, file)
+                elif length:
+                    self.n_adjusted += b > 0.0 and {origin, target} <= self.adjusted.keys()
+                    a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
+                if a <= 0.0:
+                    self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)
+                elif code in (5, 7):
+                    number = str(rounds.setdefault(origin, 1))
+                    tables["directions"].append(_row([origin, number, target, value, a], line))
+                elif code in (14, 15):
+                    partial = [value, None, a, None] if code == 14 else [None, value, None, a]
+                    tables["vector"].append(_row([origin, target, *partial], line))
                 else:
-                    tables["vector"] += rows
-                continue
-            lengths = in_plan if self.horizontal and code in (5, 7, 8) else distances
-            length = lengths.get((origin, target)) or lengths.get((target, origin))
-            if b and not length:
-                self.leave_out("parts of σ that depend on an unknown distance", line, file)
-            elif length:
-                self.n_adjusted += b > 0.0 and {origin, target} <= self.adjusted.keys()
-                a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
-            if a <= 0.0:
-                self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)
-            elif code in (5, 7):
-                number = str(rounds.setdefault(origin, 1))
-                tables["directions"].append(_row([origin, number, target, value, a], line))
-            elif code in (14, 15):
-                partial = [value, None, a, None] if code == 14 else [None, value, None, a]
-                tables["vector"].append(_row([origin, target, *partial], line))
-            else:
-                between = heights if code in (1, 3, 6) else []
-                tables[types[code]].append(_row([origin, target, value, *between, a], line))
+                    between = heights if code in (1, 3, 6) else []
+                    tables[types[code]].append(_row([origin, target, value, *between, a], line))
         return tables
 
     def _put_frames(self, projected: bool) -> set[str]:
@@ -475,7 +470,7 @@ class _Reader:
                 if point in self.ignored:
                     self.leave_out("observations of points that are ignored", line, str(frame.path))
                     continue
-                try:
+                with draft.at(line, str(frame.path)):
                     numbers = [parse_number(word) for word in rest]
                     found: dict[str, Row] = {}
                     if frame.code == 19:
@@ -484,12 +479,9 @@ class _Reader:
                         found = {"local": _cartesian(name, point, numbers, frame.factor, line)}
                     else:
                         found = _polar(frame, name, point, numbers, line)
-                except ValueError as error:
-                    draft.problem(str(error), line, str(frame.path))
-                    continue
-                names.add(point)
-                for type_, row in found.items():
-                    measured.setdefault((type_, str(frame.path)), []).append(row)
+                    names.add(point)
+                    for type_, row in found.items():
+                        measured.setdefault((type_, str(frame.path)), []).append(row)
         for (code, levelled, file), rows in frames.items():
             held = ["scale", "omega", "phi"] if levelled else ["scale"]
             if code == 11:

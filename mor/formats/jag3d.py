@@ -155,15 +155,12 @@ def _put_points(script: Script, draft: Draft) -> None:
             continue
         size = group["dimension"] if group["dimension"] in AXES else "3"
         axes = {"x": "y", "y": "x", "z": "z"}
-        try:
+        with draft.at(line, name=f"point {row['name']!r}"):
             place = [repr(parse_number(row[f"{axes[axis]}0"])) for axis in AXES[size]]
             sigma = [_sigma_of(row[f"sigma_{axes[axis]}0"]) for axis in AXES[size]]
-        except ValueError as error:
-            draft.problem(f"point {row['name']!r}: {error}", line)
-            continue
-        own = sigma if group["type"] == is_observed else []
-        tables.setdefault((group["type"], size), []).append(Row([row["name"], *place, *own], line))
-        datum += [row["name"]] if group["type"] == is_datum else []
+            own = sigma if group["type"] == is_observed else []
+            tables.setdefault((group["type"], size), []).append(Row([row["name"], *place, *own], line))
+            datum += [row["name"]] if group["type"] == is_datum else []
     for (type_, size), rows in tables.items():
         axes_of = AXES[size]
         columns = ("id", *axes_of, *(f"sigma_{axis}" for axis in axes_of if type_ == is_observed))
@@ -196,26 +193,23 @@ def _put_observations(script: Script, draft: Draft) -> None:
             off += 1
             continue
         start, end = row["start_point_name"], row["end_point_name"]
-        try:
+        with draft.at(line):
             value, sigma = parse_number(row["value_0"]), parse_number(row["sigma_0"])
             heights = [parse_number(row[f"{kind}_height"]) for kind in ("instrument", "reflector")]
             if start == end:
                 raise ValueError(f"found {start!r} at both ends")
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        own = repr(sigma) if sigma > 0.0 else constant.get(row["group_id"], "")
-        without += not own
-        cells: list[str | None] = [start, end, repr(value), own or _SIGMA.get(type_, SIGMA_LENGTH)]
-        if type_ == "directions":
-            if (start, row["group_id"]) not in stations:
-                sets[start] += 1
-                stations[start, row["group_id"]] = sets[start]
-            number_ = stations[start, row["group_id"]]
-            cells.insert(1, None if number_ == 1 else str(number_))
-        if len(_COLUMNS[type_]) == 6:
-            cells += [repr(height) for height in heights]
-        tables.setdefault(type_, []).append(Row(cells, line))
+            own = repr(sigma) if sigma > 0.0 else constant.get(row["group_id"], "")
+            without += not own
+            cells: list[str | None] = [start, end, repr(value), own or _SIGMA.get(type_, SIGMA_LENGTH)]
+            if type_ == "directions":
+                if (start, row["group_id"]) not in stations:
+                    sets[start] += 1
+                    stations[start, row["group_id"]] = sets[start]
+                number_ = stations[start, row["group_id"]]
+                cells.insert(1, None if number_ == 1 else str(number_))
+            if len(_COLUMNS[type_]) == 6:
+                cells += [repr(height) for height in heights]
+            tables.setdefault(type_, []).append(Row(cells, line))
     for type_, rows in tables.items():
         draft.table("observations", _COLUMNS[type_], rows, type=type_)
     if not tables:
@@ -232,15 +226,12 @@ def _uncertainties(script: Script, draft: Draft) -> dict[str, str]:
     constant: dict[str, str] = {}
     depending = []
     for row, line in script.of("ObservationGroupUncertainty"):
-        try:
+        with draft.at(line):
             value = parse_number(row["value"])
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        if row["type"] == "10" and value > 0.0:
-            constant[row["group_id"]] = repr(value)
-        elif row["type"] != "10" and value > 0.0:
-            depending.append(line)
+            if row["type"] == "10" and value > 0.0:
+                constant[row["group_id"]] = repr(value)
+            elif row["type"] != "10" and value > 0.0:
+                depending.append(line)
     if depending:
         words = f"parts of σ that depend on the distance in {counted(len(depending), 'row')} not read"
         draft.note(words, depending[0])
@@ -299,19 +290,16 @@ def _read_points(file: Path, kind: str, axes: tuple[str, ...], known: dict[str, 
     """Names of the points of a file: name, coordinates in the order y x z of JAG3D, σ."""
     rows, count = [], len(axes)
     for line, (name, *words) in _words(file, draft):
-        try:
+        with draft.at(line, str(file)):
             numbers = [parse_number(word.replace(",", ".")) for word in words]
             if len(numbers) < count:
                 raise ValueError(f"found {len(numbers)} numbers behind the name, expected {count} coordinates")
             sigma = _sigma(numbers[count:], count) if kind == "stochastic" else []
-        except ValueError as error:
-            draft.problem(str(error), line, str(file))
-            continue
-        if name in known:
-            draft.problem(f"point {name!r} is in {known[name]}, too", line, str(file))
-            continue
-        known[name] = file.name
-        rows.append(Row([name, *(repr(v) for v in numbers[:count]), *sigma], line))
+            if name in known:
+                draft.problem(f"point {name!r} is in {known[name]}, too", line, str(file))
+                continue
+            known[name] = file.name
+            rows.append(Row([name, *(repr(v) for v in numbers[:count]), *sigma], line))
     if rows:
         columns = ("id", *axes, *(f"sigma_{axis}" for axis in axes if kind == "stochastic"))
         draft.table("points", columns, rows, str(file), fixed=list(axes) if kind == "reference" else [])
@@ -335,7 +323,7 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
     rows = []
     stations: set[str] = set()
     for line, words in _words(file, draft):
-        try:
+        with draft.at(line, str(file)):
             if len(words) < 3 or len(words) > 6:
                 raise ValueError(f"found {len(words)} words, expected from, to, heights, value, σ")
             start, end = words[:2]
@@ -346,21 +334,18 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
             value, *sigma = numbers[2:] if len(numbers) > 2 else numbers
             if type_ == "height_difference" and any(heights):
                 raise ValueError("found heights of staffs; height differences are those of the points here")
-        except ValueError as error:
-            draft.problem(str(error), line, str(file))
-            continue
-        own = repr(sigma[0]) if sigma and 0.0 < sigma[0] < 1.0 else _SIGMAS.get(type_, SIGMA_LENGTH)
-        without[type_] += not (sigma and 0.0 < sigma[0] < 1.0)
-        if type_ == "directions":
-            if start not in stations:
-                stations.add(start)
-                sets[start] += 1
-            cells = [start, None if sets[start] == 1 else str(sets[start]), end, repr(value), own]
-        else:
-            cells = [start, end, repr(value), own]
-        if len(_COLUMNS[type_]) == 6:
-            cells += [repr(height) for height in heights]
-        rows.append(Row(cells, line))
+            own = repr(sigma[0]) if sigma and 0.0 < sigma[0] < 1.0 else _SIGMAS.get(type_, SIGMA_LENGTH)
+            without[type_] += not (sigma and 0.0 < sigma[0] < 1.0)
+            if type_ == "directions":
+                if start not in stations:
+                    stations.add(start)
+                    sets[start] += 1
+                cells = [start, None if sets[start] == 1 else str(sets[start]), end, repr(value), own]
+            else:
+                cells = [start, end, repr(value), own]
+            if len(_COLUMNS[type_]) == 6:
+                cells += [repr(height) for height in heights]
+            rows.append(Row(cells, line))
     if rows:
         draft.table("observations", _COLUMNS[type_], rows, str(file), type=type_, name=file.stem)
 

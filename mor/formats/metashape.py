@@ -185,7 +185,7 @@ def read_metashape(path: Path) -> Document:
     draft.put("axes", {"xy": "en"})
     found = MetashapeChunk(tie=_tie_points(chunk, path, draft) if own else None)
     control = False
-    try:
+    with draft.at(chunk.line):
         _put_cameras(chunk, draft)
         found.origin = _origin(chunk)
         if found.origin is not None:
@@ -200,8 +200,6 @@ def read_metashape(path: Path) -> Document:
             draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
         _put_projections(chunk, found, draft)
         _put_tie_points(chunk, found, draft)
-    except ValueError as error:
-        draft.problem(str(error), chunk.line)
     if not control:
         draft.put("datum", "free")
     draft.put("settings", {"undetermined": "leave_out"})  # as Metashape, which leaves images without a pose alone
@@ -686,22 +684,19 @@ def _put(cells: list[tuple[int, list[str]]], columns: dict[str, int], names: lis
     for line, row in cells:
         given = {name: row[k].strip() for name, k in columns.items() if k < len(row)}
         name = given.get("id", "")
-        try:
+        with draft.at(line):
             place = _place(given)
             sigma = [_sigma(given, axis, default) if place[k] is not None else None for k, axis in enumerate(_AXES)]
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        if not name and not any(place):
-            continue  # the line of the total error
-        if not name or name in twice:
-            draft.problem(f"label {name!r} is there twice" if name else "the label is missing", line)
-            continue
-        twice.add(name)
-        used = given.get("on", "1").lower() not in ("0", "false")
-        off += not used
-        if any(text is not None for text in place):
-            rows.append(Row([name, *place, *(sigma if used else [None] * 3)], line))
+            if not name and not any(place):
+                continue  # the line of the total error
+            if not name or name in twice:
+                draft.problem(f"label {name!r} is there twice" if name else "the label is missing", line)
+                continue
+            twice.add(name)
+            used = given.get("on", "1").lower() not in ("0", "false")
+            off += not used
+            if any(text is not None for text in place):
+                rows.append(Row([name, *place, *(sigma if used else [None] * 3)], line))
     if off:
         draft.note(f"{counted(off, 'label')} switched off: coordinates without a σ")
     left = [name for name in names if name and name not in _COLUMNS]

@@ -212,13 +212,10 @@ def _rows(lines: list[Line], least: int, most: int, form: str, draft: Draft) -> 
         if len(words) < least:
             draft.problem(f"found {len(words)} columns, expected {form}", line)
             continue
-        try:
+        with draft.at(line):
             for word in words[1:most]:
                 parse_number(word)
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        rows.append(Row([*words[:most], *[None] * (most - len(words))], line))
+            rows.append(Row([*words[:most], *[None] * (most - len(words))], line))
     return rows
 
 
@@ -229,15 +226,12 @@ def _marks(export: Export, draft: Draft) -> list[Row]:
         if len(words) < 4:
             draft.problem(f"found {len(words)} columns, expected photo id x y sx sy", line)
             continue
-        try:
+        with draft.at(line):
             values = [parse_number(word) for word in words[2:6]]
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        good = len(values) == 4 and min(values[2:]) > 0.0
-        replaced += not good
-        sigma: list[str | None] = [*words[4:6]] if good else [repr(export.sigma)] * 2
-        rows.append(Row([*words[:4], *sigma], line))
+            good = len(values) == 4 and min(values[2:]) > 0.0
+            replaced += not good
+            sigma: list[str | None] = [*words[4:6]] if good else [repr(export.sigma)] * 2
+            rows.append(Row([*words[:4], *sigma], line))
     if replaced:
         words_ = f"{counted(replaced, 'image point')} without σ: σ = {export.sigma:g} px, the default of the file"
         draft.note(words_, 3)

@@ -499,31 +499,28 @@ def _read_list(
         words = text.split()
         if not words or words[0].startswith("#"):
             continue
-        try:
+        with draft.at(line, str(path)):
             if len(words) < 6:
                 raise ValueError(f"found {len(words)} words, expected x y z u v image [name]")
             x, y, z, u, v = (parse_number(word) for word in words[:5])
             z_or_none = z if words[2].lower() != "nan" else None
-        except ValueError as error:
-            draft.problem(str(error), line, str(path))
-            continue
-        name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
-        x, y = (y, x) if latitude_first else (x, y)
-        if geographic and abs(y) > _POLE:
-            draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
-            continue
-        if geographic and shots is None:
-            first = {"latitude": y, "longitude": x, "altitude": 0.0 if z_or_none is None else z}
-            whole.setdefault("reference_lla", first)
-        place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
-        if place is None:
-            draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
-            continue
-        control.ids[name] = (float(place[0]), float(place[1]), None if z_or_none is None else float(place[2]))
-        known = shots is None or words[5] in shots
-        lost += not known
-        if known:
-            control.rays.append((words[5], name, u + 0.5, v + 0.5))
+            name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
+            x, y = (y, x) if latitude_first else (x, y)
+            if geographic and abs(y) > _POLE:
+                draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
+                continue
+            if geographic and shots is None:
+                first = {"latitude": y, "longitude": x, "altitude": 0.0 if z_or_none is None else z}
+                whole.setdefault("reference_lla", first)
+            place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
+            if place is None:
+                draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
+                continue
+            control.ids[name] = (float(place[0]), float(place[1]), None if z_or_none is None else float(place[2]))
+            known = shots is None or words[5] in shots
+            lost += not known
+            if known:
+                control.rays.append((words[5], name, u + 0.5, v + 0.5))
     if lost:
         draft.note(f"{lost} image points of control not read: their images are not reconstructed", file=str(path))
     if control.ids and not geographic:
@@ -635,10 +632,8 @@ def read_camera_file(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "deg"})
     found: list[_Camera] = []
     for line, text in enumerate(read_lines(path, draft), start=1):
-        try:
+        with draft.at(line):
             _read(text.strip(), line, found)
-        except ValueError as error:
-            draft.problem(str(error), line)
     if not found:
         raise InputError([Message(f"expected {HEAD!r} in the first line", str(path), 1)])
     cameras: dict[str, Any] = {}

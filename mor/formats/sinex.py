@@ -78,7 +78,7 @@ def parameters_of(block: SinexBlock, draft: Draft) -> dict[int, Parameter]:
     """Estimated parameters by their numbers."""
     found: dict[int, Parameter] = {}
     for line, words in block.rows:
-        try:
+        with draft.at(line):
             if len(words) != 10:
                 raise ValueError(f"found {len(words)} words, expected the 10 of an estimate")
             index, type_, code, point, solution, epoch, unit, _, value, sigma = words
@@ -91,8 +91,6 @@ def parameters_of(block: SinexBlock, draft: Draft) -> dict[int, Parameter]:
             site = " ".join((code, point, solution))
             values = parse_number(value.replace("D", "E")), parse_number(sigma.replace("D", "E"))
             found[int(index)] = Parameter(type_.upper(), site, epoch, *values, line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     return found
 
 

@@ -668,10 +668,8 @@ def read_starnet(path: Path) -> Document:
 
 
 def _tried(read: Callable[[DataLine, StarNetContext], None], line: DataLine, network: StarNetContext) -> None:
-    try:
+    with network.draft.at(line.number, network.file, line.code):
         read(line, network)
-    except ValueError as error:
-        network.draft.problem(f"{line.code}: {error}", line.number, network.file)
 
 
 def _side_shot(line: DataLine, network: StarNetContext) -> None:

@@ -144,10 +144,8 @@ def read_coordinates(sections: list[TextSection], estimated: str, draft: Draft) 
 def _numbers(words: list[str], line: Line, draft: Draft) -> bool:
     before = len(draft.problems)
     for word in words:
-        try:
+        with draft.at(line.number):
             parse_number(word)
-        except ValueError as error:
-            draft.problem(str(error), line.number)
     return len(draft.problems) == before
 
 

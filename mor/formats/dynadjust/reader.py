@@ -388,7 +388,7 @@ def put_clusters(found: Collected, stations: list[StationRecord], own: Frame) ->
     frames: dict[bool, dict[str, int]] = {True: {}, False: {}}
     for cluster in found.read:
         row = cluster.rows[0]
-        try:
+        with found.draft.at(row.line, name=f"station {row.cells[0]!r}"):
             names = [str(row.cells[0]) for row in cluster.rows]
             if not set(names) <= set(by_name):  # put_stations tells it
                 continue
@@ -401,8 +401,6 @@ def put_clusters(found: Collected, stations: list[StationRecord], own: Frame) ->
                 frames[bool(year)].setdefault(" ".join(cluster.frame).strip(), row.line)
                 cluster = _transformed(cluster, places, name, own.name, year) if year else cluster
             _put_cluster(found, cluster, places)
-        except ValueError as error:
-            found.draft.problem(f"station {row.cells[0]!r}: {error}", row.line)
     for transformed, told in frames.items():
         if told:
             many = f"measurements in {counted(len(told), 'frame and epoch', 'frames and epochs')} ({', '.join(told)})"
@@ -956,10 +954,8 @@ def read_dynaml(path: Path) -> Document:
     root = root_of(measured)
     found = Collected(draft, frame_of(_frame_words(root), draft, root.line))
     for element in root.all("DnaMeasurement"):
-        try:
+        with draft.at(element.line):
             read_measurement(found, element)
-        except ValueError as error:
-            draft.problem(str(error), element.line)
     root = root_of(stations)
     own = frame_of(_frame_words(root), draft, root.line, found.frame)
     return _finish(found, stations, stations_of_xml(root), own, name)

@@ -195,10 +195,8 @@ def check(element: Element, draft: Draft) -> None:
             words = f"<{element.name}>: unknown attribute {name!r}{nearest(name, known)}"
             draft.problem(f"{words} (known here: {', '.join(known) or 'none'})", element.line)
             continue
-        try:
+        with draft.at(element.line, name=f"<{element.name}> {name}"):
             known[name](text)
-        except ValueError as error:
-            draft.problem(f"<{element.name}> {name}: {error}", element.line)
     for name in rule.required or {}:
         if name not in element.attributes:
             draft.problem(f"<{element.name}>: attribute {name!r} is missing", element.line)
