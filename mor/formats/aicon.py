@@ -38,8 +38,6 @@ from mor.units import IMAGE
 # The files do not say which interior parameters were estimated, nor with which σ the image coordinates entered (the
 # σ columns of the ``.phc`` file are the precision of target measurement): what is assumed instead is told in notes.
 
-SIGMA = "0.0005"
-"""A-priori σ of image coordinates, mm."""
 _FREE = ("c", "xh", "yh", "A1", "A2", "B1", "B2")
 
 
@@ -165,10 +163,12 @@ def _put_rays(lines: list[FileLine], images: set[str], points: set[str], draft: 
         Message(f"{counted(count, 'ray')} not used: {name} is switched off or does not exist", file)
         for name, count in lost.items()
     ]
+    # A-priori σ of image coordinates, mm.
+    sigma = "0.0005"
     if rows:
-        draft.note(f"σ = {SIGMA} mm for all image coordinates", file=file)
+        draft.note(f"σ = {sigma} mm for all image coordinates", file=file)
         columns = ("image", "point", "x", "y")
-        draft.table("observations", columns, rows, file, type="image", units="mm", values={"sigma": SIGMA})
+        draft.table("observations", columns, rows, file, type="image", units="mm", values={"sigma": sigma})
 
 
 def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:

@@ -160,8 +160,6 @@ def entries(value: Any) -> Iterable[dict[str, Any]]:
 # counts from the upper left corner, since then from the image centre; focal lengths are px
 # (``pxFocalLength``) or mm with the width of the sensor. Source: AliceVision, ``sfmDataIO/jsonIO.cpp``.
 
-_NAMES = {"pinhole": "", "radialk1": "radial1", "radialk3": "radial3", "none": ""}
-
 
 def read_alicevision(path: Path) -> Document:
     """The project of a file. Raises :class:`InputError` with every mistake found."""
@@ -198,7 +196,7 @@ def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any
     what = f"intrinsic {name}"
     size = [plain(given.get(key), f"{what}: {key}") for key in ("width", "height")]
     kind = str(given.get("distortionType") or given.get("type"))
-    kind = _NAMES.get(kind, kind)
+    kind = {"pinhole": "", "radialk1": "radial1", "radialk3": "radial3", "none": ""}.get(kind, kind)
     # Parameters of each kind of distortion, in the order of the files.
     distortions = {
         "": (),

@@ -209,18 +209,6 @@ def _distortion(texts: Texts, values: dict[str, float]) -> set[str]:
 
 INTERIOR = ("c", "xh", "yh", "b1", "b2", "K1", "K2", "K3", "P1", "P2")
 EXTERIOR = ("x", "y", "z", "omega", "phi", "kappa")
-_NAMES = {
-    "cc": ("c",),
-    "pp": ("xh", "yh"),
-    "px": ("xh",),
-    "py": ("yh",),
-    "aspect": ("b1",),
-    "skew": ("b2",),
-    "K": ("K1", "K2", "K3"),
-    "P": ("P1", "P2"),
-    "all": INTERIOR,
-    **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
-}
 
 
 def operations(root: Element, *names: str) -> Iterator[Element]:
@@ -241,9 +229,21 @@ def free_interior(root: Element, draft: Draft) -> set[str]:
     """Components of the interior orientation that the script estimates; none where it says nothing."""
     free: set[str] = set()
     said = False
-    for section, given in _settings(root, "io", _NAMES, draft):
+    names_of_kind = {
+        "cc": ("c",),
+        "pp": ("xh", "yh"),
+        "px": ("xh",),
+        "py": ("yh",),
+        "aspect": ("b1",),
+        "skew": ("b2",),
+        "K": ("K1", "K2", "K3"),
+        "P": ("P1", "P2"),
+        "all": INTERIOR,
+        **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
+    }
+    for section, given in _settings(root, "io", names_of_kind, draft):
         said = True
-        chosen = set(_NAMES[section])
+        chosen = set(names_of_kind[section])
         free = free | chosen if given == "true" else free - chosen
     if not said:
         draft.note("the script sets no estimated parameters of the camera: its interior orientation is fixed")
@@ -403,8 +403,6 @@ def sigmas(row: TableLine) -> list[str | None]:
 # Adjustment Toolbox*, its demonstration scripts and the descriptions of its input.
 
 _CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz")
-SIGMA = "1"
-"""σ of image coordinates, px, where the script and its tables have none."""
 
 
 def read_dbat(path: Path) -> Document:
@@ -596,14 +594,16 @@ def _mark(row: TableLine, file: Element, images: dict[str, str], draft: Draft) -
     given = [file.attributes.get(name, plane) for name in ("sx", "sy")]
     own = sigmas(row)[:2]
     sigma = [a if a is not None else b for a, b in zip(given, own, strict=True)]
+    # σ of image coordinates, px, where the script and its tables have none.
+    usual_sigma = "1"
     for k, text in enumerate(sigma):
         try:
             good = text is not None and float(text) > 0.0
         except ValueError:
             good = False
         if not good:
-            sigma[k] = SIGMA
-            words = f"image points without a σ above 0 have σ = {SIGMA} px"
+            sigma[k] = usual_sigma
+            words = f"image points without a σ above 0 have σ = {usual_sigma} px"
             if not any(note.message == words and note.line == file.line for note in draft.notes):
                 draft.note(words, file.line)
     cells = row.cells

@@ -634,7 +634,6 @@ _COLUMNS = {
     "yaw": "yaw",
 }
 _AXES = ("x", "y", "z")
-IMAGE = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr2|arw|raw|iiq)$", re.IGNORECASE)
 
 
 def read_reference(path: Path) -> Document:
@@ -678,7 +677,8 @@ def read_reference(path: Path) -> Document:
 
 def _put(cells: list[tuple[int, list[str]]], columns: dict[str, int], names: list[str], draft: Draft) -> None:
     labels = [row[columns["id"]].strip() for _, row in cells if len(row) > columns["id"]]
-    cameras = "yaw" in columns or (bool(labels) and all(IMAGE.search(name) for name in labels))
+    image = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr2|arw|raw|iiq)$", re.IGNORECASE)
+    cameras = "yaw" in columns or (bool(labels) and all(image.search(name) for name in labels))
     default = repr(_SIGMA["cameras" if cameras else "markers"])
     rows, off, twice = [], 0, set()
     for line, row in cells:

@@ -17,14 +17,6 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 # ---- Sections of a textbook network file: their headers with units, and their lines without comments.
 
-_OTHER_NAMES = {
-    "quelle": "Source",
-    "winkel": "Angles",
-    "direction": "Directions",
-    "horizontaldistances": "Distances",
-    "azimuth": "GridBearings",
-    "3dbasislinie": "3DBaseline",
-}
 NOT_READ = ("ApproximateScale", "ApproximateAdditiveConstant")
 """Start values of unknowns that no textbook network of this form has: left out with a note."""
 _COMMENT = re.compile(r"(?:^|(?<=\s))[%#]|%")
@@ -35,7 +27,6 @@ OBSERVED = (
     *("LevelledHeightDifferences", "Distances", "SpatialDistances", "Directions", "Angles", "GridBearings"),
     *("ZenithAngles", "VerticalAngles", "TrigonometricHeightDifferences", "PositionAngles", "3DBaseline"),
 )
-KNOWN = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
 
 
 @dataclass
@@ -74,10 +65,18 @@ def _section(whole: str, number: int, draft: Draft) -> TextSection:
         draft.problem(f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number)
         return TextSection("Graphics", "", "", number)
     given = match[1]
-    by_name = {name.lower(): name for name in KNOWN}
-    name = by_name.get(given.lower()) or _OTHER_NAMES.get(given.lower())
+    known = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
+    by_name = {name.lower(): name for name in known}
+    name = by_name.get(given.lower()) or {
+        "quelle": "Source",
+        "winkel": "Angles",
+        "direction": "Directions",
+        "horizontaldistances": "Distances",
+        "azimuth": "GridBearings",
+        "3dbasislinie": "3DBaseline",
+    }.get(given.lower())
     if name is None:
-        words = f"unknown section [{given}]{nearest(given, KNOWN)} (known: {', '.join(KNOWN)})"
+        words = f"unknown section [{given}]{nearest(given, known)} (known: {', '.join(known)})"
         draft.problem(words, number)
         return TextSection("Graphics", "", "", number)
     if name in NOT_READ:

@@ -140,35 +140,33 @@ def read_yaml(text: str, file: str) -> Document:
     document, and one that is deeper or larger than the limits.
     """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    # What YAML complains of, in plain words.
+    broken = (
+        ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
+        ("quoted scalar", "the quote that opens here is not closed"),
+        ("flow", "the bracket that opens here is not closed, or a comma is missing inside it"),
+        ("simple key", "expected key: value, found no colon"),
+        (
+            "cannot start any token",
+            "this is not allowed here: indent with blanks, not with tabs, and quote texts that begin with @, ` or %",
+        ),
+        ("block", "the indentation does not fit the lines above"),
+        (
+            "mapping values are not allowed",
+            "a second colon in one line, or the indentation does not fit: texts with ': ' need quotes",
+        ),
+    )
     try:
         return _YamlReader(file).read(yaml.parse(text, Loader=loader))
     except yaml.MarkedYAMLError as error:
         said = " ".join(part for part in (error.context, error.problem) if part)
-        plain = next((words for part, words in _BROKEN if part in said), said)
+        plain = next((words for part, words in broken if part in said), said)
         begun = "opens here" in plain or "no colon" in plain
         mark = (error.context_mark if begun else None) or error.problem_mark
         raise InputError([Message(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)]) from None
     except yaml.YAMLError as error:
         words = str(error).splitlines()[0]
         raise InputError([Message(f"this is not a text file of YAML: {words}", file)]) from None
-
-
-_BROKEN = (
-    ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
-    ("quoted scalar", "the quote that opens here is not closed"),
-    ("flow", "the bracket that opens here is not closed, or a comma is missing inside it"),
-    ("simple key", "expected key: value, found no colon"),
-    (
-        "cannot start any token",
-        "this is not allowed here: indent with blanks, not with tabs, and quote texts that begin with @, ` or %",
-    ),
-    ("block", "the indentation does not fit the lines above"),
-    (
-        "mapping values are not allowed",
-        "a second colon in one line, or the indentation does not fit: texts with ': ' need quotes",
-    ),
-)
-"""What YAML complains of, in plain words."""
 
 
 class _YamlReader:

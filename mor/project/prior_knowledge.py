@@ -240,17 +240,18 @@ def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
     if len(given) > 1:
         words = "give only one of parallel, perpendicular, coaxial and coplanar"
         place.tell(words, given[1])
+    round_types = ("circle", "cylinder", "cone", "torus")
     can_have = {
-        "parallel": (*_ROUND, "plane"),
-        "perpendicular": _ROUND,
-        "coaxial": (*_ROUND, "sphere"),
+        "parallel": (*round_types, "plane"),
+        "perpendicular": round_types,
+        "coaxial": (*round_types, "sphere"),
         "coplanar": ("circle", "torus"),
     }
     # Types of features that can have a relation, and of those that it can refer to.
     can_give = {
-        "parallel": (*_ROUND, "plane", "line", "right angle"),
-        "perpendicular": (*_ROUND, "plane", "line", "right angle"),
-        "coaxial": (*_ROUND, "line"),
+        "parallel": (*round_types, "plane", "line", "right angle"),
+        "perpendicular": (*round_types, "plane", "line", "right angle"),
+        "coaxial": (*round_types, "line"),
         "coplanar": ("circle", "torus", "plane", "right angle"),
     }
     for key in given:
@@ -267,9 +268,6 @@ def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
         elif key == "perpendicular" and systems[name].turn >= 0:
             words = f"perpendicular: {name!r} is itself perpendicular to another feature"
             place.tell(words, key)
-
-
-_ROUND = ("circle", "cylinder", "cone", "torus")
 
 
 def _needed(feature: Feature) -> int:

@@ -185,13 +185,6 @@ def _of_proj(file: Path, geodetic: FloatArray) -> FloatArray:
 #
 # No datum is ever changed here: a projection is undone within its own datum, and heights are taken as they are.
 
-COORDINATES = {
-    "geographic": ("latitude", "longitude", "height"),
-    "projected": ("east", "north", "height"),
-    "geocentric": ("x", "y", "z"),
-}
-"""Names of coordinates by the kind of system."""
-
 
 class ReferenceSystemError(ValueError):
     """The text does not name a reference system on the earth."""
@@ -222,7 +215,12 @@ class ReferenceSystem:
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of its three coordinates."""
-        return COORDINATES[self.kind]
+        # Names of coordinates by the kind of system.
+        return {
+            "geographic": ("latitude", "longitude", "height"),
+            "projected": ("east", "north", "height"),
+            "geocentric": ("x", "y", "z"),
+        }[self.kind]
 
     @property
     def ellipsoid(self) -> Ellipsoid:

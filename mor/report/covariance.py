@@ -22,10 +22,6 @@ from mor.report.units import angle_unit, unit_of
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
-LARGEST = 6000
-"""Unknowns up to which the whole matrix is worked out."""
-FORMATS = (".npz", ".csv", ".mtx")
-
 
 class Labelled(NamedTuple):
     """A covariance matrix (k, k) with labels ``kind id component``, units and values of the unknowns."""
@@ -99,8 +95,10 @@ def relative_pose(solved: Solved, first: str, second: str) -> RelativePose:
 def covariance_of_everything(solved: Solved) -> Labelled:
     """Covariance of all unknowns. Raises :class:`InputError` if there are too many."""
     index = solved.adjustment.problem.index
-    if index.count > LARGEST:
-        words = f"{index.count} unknowns: the full matrix is written up to {LARGEST}; choose --points or --blocks"
+    # Unknowns up to which the whole matrix is worked out.
+    largest = 6000
+    if index.count > largest:
+        words = f"{index.count} unknowns: the full matrix is written up to {largest}; choose --points or --blocks"
         raise InputError([Message(words)])
     blocks = [
         (kind, int(number))
@@ -279,8 +277,9 @@ def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object
 
 def check_covariance(path: Path) -> None:
     """Raise :class:`InputError` for a file whose suffix names no format of covariances."""
-    if path.suffix not in FORMATS:
-        raise InputError([Message(f"expected one of {', '.join(FORMATS)}", str(path))])
+    suffixes = (".npz", ".csv", ".mtx")
+    if path.suffix not in suffixes:
+        raise InputError([Message(f"expected one of {', '.join(suffixes)}", str(path))])
 
 
 def with_expanded(

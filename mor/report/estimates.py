@@ -485,11 +485,6 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
 
 # ---- Table of undetermined unknowns, with reason and treatment.
 
-SCHEMA = {
-    **dict.fromkeys(("kind", "id", "reason", "treatment"), pl.String),
-    "observations": pl.Int64,
-    **dict.fromkeys(("dx", "dy", "dz", "sigma"), pl.Float64),
-}
 FILE = "undetermined.csv"
 
 
@@ -517,7 +512,12 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
 def undeterminable_table(things: Sequence[dict[str, Any] | UndeterminedObject]) -> pl.DataFrame:
     """The rows as a table."""
     rows = [_row(thing) | _NOTHING if isinstance(thing, UndeterminedObject) else thing for thing in things]
-    return pl.DataFrame(rows, schema=SCHEMA)
+    schema = {
+        **dict.fromkeys(("kind", "id", "reason", "treatment"), pl.String),
+        "observations": pl.Int64,
+        **dict.fromkeys(("dx", "dy", "dz", "sigma"), pl.Float64),
+    }
+    return pl.DataFrame(rows, schema=schema)
 
 
 _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))

@@ -27,9 +27,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 # ``{:n}``: names of columns, keys and formats. A single word only changes where it marks its place with
 # ``{:w}``.
 
-NAMES = "n"
-"""Marks a place whose value stays as it is: {:n}."""
-
 
 class _TemplatePart(NamedTuple):
     """Fixed words, and the place for a value behind them (``None``: none)."""
@@ -143,7 +140,8 @@ class Sentences:
             if part.place is None:
                 continue
             value = values[part.place]
-            if part.words == NAMES:
+            # Marks a place whose value stays as it is: {:n}.
+            if part.words == "n":
                 written.append(value)
             elif "|" in part.words:
                 written.append(format(Placeholder(value.split(" ", 1)[0]), part.words))

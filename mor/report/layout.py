@@ -149,8 +149,6 @@ def aligned(facts: Sequence[tuple[str, str]]) -> list[str]:
 
 ALL = 1_000_000_000
 """Rows of a section of which nothing is left out."""
-LISTED = ("status", "flag", "action", "kind")
-"""Columns that hold words of the program, not names of the user."""
 
 
 def table(
@@ -163,9 +161,11 @@ def table(
 ) -> str:
     """A table of texts: the first ``left`` columns, and the last where wanted, to the left, numbers to the right."""
     texts = {*range(left), *([len(headers) - 1] if last_left else [])}
+    # Columns that hold words of the program, not names of the user.
+    listed = ("status", "flag", "action", "kind")
     rows = [
         [
-            words.listed(cell) if header in LISTED else cell if k in texts else words.number(cell)
+            words.listed(cell) if header in listed else cell if k in texts else words.number(cell)
             for k, (header, cell) in enumerate(zip(headers, row, strict=True))
         ]
         for row in rows

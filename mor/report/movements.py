@@ -190,8 +190,6 @@ def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, he
 
 # ---- Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
 
-WIDTH, HEIGHT = 300, 170
-
 
 def series_drawing(
     name: str, years: FloatArray, moved: FloatArray, sigma: FloatArray, unit: str, labels: Sequence[str]
@@ -201,19 +199,20 @@ def series_drawing(
     most = float(reach.max(initial=0.0)) or 1.0
     first, last = float(years.min()), float(years.max())
     left, right, top, bottom = 44, 12, 24, 22
-    x = left + (years - first) / max(last - first, 1e-9) * (WIDTH - left - right)
-    middle = (top + HEIGHT - bottom) / 2.0
-    per = (HEIGHT - bottom - top) / 2.0 / most
+    width, height = 300, 170
+    x = left + (years - first) / max(last - first, 1e-9) * (width - left - right)
+    middle = (top + height - bottom) / 2.0
+    per = (height - bottom - top) / 2.0 / most
     parts = [
-        f'<line class="zero" x1="{left}" y1="{middle:.1f}" x2="{WIDTH - right}" y2="{middle:.1f}"/>',
+        f'<line class="zero" x1="{left}" y1="{middle:.1f}" x2="{width - right}" y2="{middle:.1f}"/>',
         f'<text class="title" x="{left}" y="14">{escape(name)}</text>',
         *(
             f'<text x="{left - 5}" y="{middle - sign * most * per + 4:.1f}" text-anchor="end">'
             f"{'−' if sign < 0 else ''}{most if sign else 0:.2g}</text>"
             for sign in (1, 0, -1)
         ),
-        f'<text x="{left}" y="{HEIGHT - 6}">{first:.1f}</text>',
-        f'<text x="{WIDTH - right}" y="{HEIGHT - 6}" text-anchor="end">{last:.1f}</text>',
+        f'<text x="{left}" y="{height - 6}">{first:.1f}</text>',
+        f'<text x="{width - right}" y="{height - 6}" text-anchor="end">{last:.1f}</text>',
     ]
     coordinates = ("x", "y", "z")
     # Marks of the coordinates, told apart without colours: diamond, square, triangle.
@@ -229,9 +228,9 @@ def series_drawing(
             f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{marks[k]}"/>'
             for a, b, s in zip(x, y, 2.0 * sigma[:, k] * per, strict=True)
         ]
-    shown = WIDTH - right
+    shown = width - right
     for k, axis in reversed(list(enumerate(coordinates))):
         parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
         parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{marks[k]}"/>')
         shown -= 28
-    return drawing(parts, WIDTH, HEIGHT, f"{name} [{unit}]", "series")
+    return drawing(parts, width, height, f"{name} [{unit}]", "series")

@@ -293,8 +293,6 @@ def _derived(
 
 # ---- Relative orientation of a chain of images as plain data.
 
-BASE = ("bx", "by", "bz")
-
 
 class Oriented(NamedTuple):
     """Pairs of neighbouring images, and the model of all of them."""
@@ -378,7 +376,7 @@ def _pair(
         "rotation": numbers(o.rotation),
         "angles": {"unit": unit, **with_sigma(ANGLES, o.angles / per_unit, o.sigma_angles / per_unit)},
         "correlation": {
-            "of": [*BASE, *ANGLES],
+            "of": ["bx", "by", "bz", *ANGLES],
             "matrix": numbers(correlation(np.asarray(rows @ o.covariance @ rows.T))),
         },
         "sigma0": number_or_none(o.sigma0),
@@ -637,9 +635,6 @@ def _valued(row: dict[str, Any], keys: tuple[str, ...], digits: int) -> list[str
 
 # ---- A plane object for reading, every admissible solution.
 
-MOST = 14
-"""Results whose correlations are shown; of more they are in the JSON."""
-
 
 def planar_text(data: dict[str, Any], words: Words) -> str:
     """The outcome, and each solution with σ."""
@@ -699,7 +694,8 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
     lines.append(table(["result", "of", "unit", "value", "sigma"], results, left=3, words=words))
     shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != over_constant]
     matrix = [[solution["correlation"][i][j] for j in shown] for i in shown]
-    if len(shown) <= MOST and any(value is not None for row in matrix for value in row):
+    # Results whose correlations are shown; of more they are in the JSON.
+    if len(shown) <= 14 and any(value is not None for row in matrix for value in row):
         names = [f"{words.listed(solution['results'][k]['kind'])} {solution['results'][k]['of']}" for k in shown]
         lines += ["", correlation_table(names, matrix, words)]
     return lines

@@ -791,9 +791,6 @@ def _fixed(value: float | None, digits: int) -> str:
 #
 # It shows no places and no cameras: what looks like a result would be taken for one.
 
-SHOWN = 1000
-"""Things that nothing determines that are listed."""
-
 
 def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words) -> str:
     """The page of an outcome that is no solution, in a language: HTML that needs nothing else.
@@ -801,6 +798,8 @@ def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mappi
     ``notes`` are those of :func:`mor.report.identity.note_rows`.
     """
     data = summary(solved)
+    # Things that nothing determines that are listed.
+    shown = 1000
     return rendered(
         "failure.html.j2",
         data["title"] or words("Adjustment"),
@@ -812,7 +811,7 @@ def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mappi
         persons=persons(identity, words),
         verdict=verdict(solved, words),
         explained=undetermined_section(solved, words).splitlines()[2:],
-        things=data["undeterminable"][:SHOWN],
-        more=max(0, len(data["undeterminable"]) - SHOWN),
+        things=data["undeterminable"][:shown],
+        more=max(0, len(data["undeterminable"]) - shown),
         failure=failure(solved) or {},
     )

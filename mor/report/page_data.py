@@ -417,9 +417,6 @@ def _shorter(numbers: np.ndarray) -> np.ndarray:
 
 # ---- Error ellipsoids of the table of points: covariances, and where their semi-axes point to.
 
-DIRECTIONS = tuple(f"ellipsoid_{which}_{axis}" for axis in "abc" for which in ("azimuth", "elevation"))
-"""Columns of the directions, a semi-axis after the other."""
-
 
 def covariances(table: pl.DataFrame) -> FloatArray:
     """(n, 3, 3) covariance matrices of a table of points or movements, project axes."""
@@ -449,7 +446,9 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
         for which, values in zip(("azimuth", "elevation"), parts, strict=True):
             shown = np.where(there[:, k], np.round(values, {"rad": 3, "mrad": 0, "mgon": 0}.get(unit, 1)), np.nan)
             columns[f"ellipsoid_{which}_{axis}"] = shown
-    return pl.DataFrame(columns, schema=dict.fromkeys(DIRECTIONS, pl.Float64))
+    # Columns of the directions, a semi-axis after the other.
+    directions = tuple(f"ellipsoid_{which}_{axis}" for axis in "abc" for which in ("azimuth", "elevation"))
+    return pl.DataFrame(columns, schema=dict.fromkeys(directions, pl.Float64))
 
 
 # ---- The data of the page: tables that its charts and tables are drawn from, with what was left to the files.

@@ -53,8 +53,6 @@ if TYPE_CHECKING:
 
 # ---- A sheet to draw on, and how it becomes a file: same picture, same bytes.
 
-FORMATS = ("svg", "png", "pdf")
-
 
 def style() -> AbstractContextManager[None]:
     """The look of pictures, to draw and save them in. Raises :class:`InputError` if matplotlib is missing."""
@@ -101,8 +99,9 @@ def scale_bar(axes: Axes, length: float, words: str) -> None:
 
 def check_picture(path: Path) -> None:
     """Raise :class:`InputError` for a file whose suffix is that of no picture."""
-    if path.suffix.lower().removeprefix(".") not in FORMATS:
-        words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in FORMATS)})"
+    suffixes = ("svg", "png", "pdf")
+    if path.suffix.lower().removeprefix(".") not in suffixes:
+        words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in suffixes)})"
         raise InputError([Message(words, str(path))])
 
 
@@ -398,10 +397,6 @@ def _draw_network(view: View, axes: Axes, chosen: list[int], words: Words) -> No
     draw_given(view, axes, chosen, words)
 
 
-CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
-"""Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
-
-
 def ellipses(
     view: View,
     words: Words = ENGLISH,
@@ -429,7 +424,8 @@ def ellipses(
     share, too_large = 0.012, 8.0
     if typical > 0.0:
         scale = round_length(share * extent / typical)
-        factor, name = CONFIDENCE[confidence]
+        # Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2)).
+        factor, name = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}[confidence]
         drawn, xy = scale * factor, places(view)[:, chosen]
         large = axis > too_large * typical
         lines = ellipse_lines(xy, covariance, drawn, 49)[(axis > 0.0) & ~large]

@@ -210,13 +210,11 @@ def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int
 
 # ---- Start values as plain data, for programs.
 
-SCHEMA = 1
-
 
 def start_data(network: Network, approximation: Approximation, rows: Sequence[StartValue]) -> dict[str, Any]:
     """Counts, parts with what is in them, every value, what was replaced, and what is missing."""
     return {
-        "schema_version": SCHEMA,
+        "schema_version": 1,
         "title": network.project.title,
         "counts": [{"kind": kind, "value": what, **of} for kind, what, of in counts(rows)],
         "parts": [_part(join, network, approximation) for join in approximation.parts],
@@ -270,9 +268,6 @@ def _part(join: Join, network: Network, approximation: Approximation) -> dict[st
 
 
 # ---- Start values for reading: how many, in which parts, each with its rule and its precision, and what is missing.
-
-SHOWN = 1000
-"""Values of a kind that the text lists; JSON has all."""
 
 
 def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words) -> str:
@@ -341,13 +336,15 @@ def _tied(join: Join, words: Words) -> str:
 
 
 def _values(rows: Sequence[StartValue], words: Words) -> list[str]:
-    lines = [_line(row, words) for row in rows[:SHOWN] if row.status != "missing"]
+    # Values of a kind that the text lists; JSON has all.
+    shown = 1000
+    lines = [_line(row, words) for row in rows[:shown] if row.status != "missing"]
     if not lines:
         return []
     headers = ["thing", "id", "value", "status", "part", "observations", "misfit [sigma]", "sigma", "unit", "how"]
     parts = [heading(words("Values")), table(headers, lines, 4, words, True)]
-    if len(rows) > SHOWN:
-        parts.append(words("{count} more are in the JSON report.", count=len(rows) - SHOWN))
+    if len(rows) > shown:
+        parts.append(words("{count} more are in the JSON report.", count=len(rows) - shown))
     explained = (
         "misfit: root mean square of observed - computed, from its own observations "
         "at the start values, in units of sigma.",

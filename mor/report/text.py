@@ -185,8 +185,6 @@ def _limits(test: dict[str, float], words: Words) -> str:
 # ---- The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
 
 WIDTH = 100
-LINES = 15
-"""Lines of the summary; notes and the place of the results bring them to 20."""
 WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 40
 """Observations, cameras, checks and groups that are shown."""
 
@@ -201,9 +199,11 @@ def screen(solved: Solved, words: Words = ENGLISH, verbose: bool = False) -> str
 
 def _screen(solved: Solved, words: Words, verbose: bool) -> str:
     """At most 15 lines, of 100 columns but for the verdict; without a solution the report's words on the reason."""
+    # Lines of the summary; notes and the place of the results bring them to 20.
+    most_lines = 15
     if solved.quality is None:
         said = [*verdict(solved, words), *undetermined_section(solved, words).splitlines()]
-        return "\n".join(_fewer([line for line in said if line], LINES, words))
+        return "\n".join(_fewer([line for line in said if line], most_lines, words))
     data = summary(solved)
     counts = words(
         "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
@@ -236,7 +236,7 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
     head = "\n".join(verdict(solved, words)).split("\n")
     if verbose:
         return "\n".join([*head, *map(_cut, [*lines, *_groups(solved, words)])])
-    return "\n".join([*_fewer(head, LINES - len(lines), words), *map(_cut, lines)])
+    return "\n".join([*_fewer(head, most_lines - len(lines), words), *map(_cut, lines)])
 
 
 def _fewer(lines: list[str], most: int, words: Words) -> list[str]:

@@ -201,8 +201,6 @@ def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, An
 
 # ---- The reliability map as plain data: what is weakest, what it carries, what would cure it.
 
-MOST = 1_000
-"""Points, images, stations or sets that are listed; of more the weakest."""
 KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
 
 
@@ -293,9 +291,11 @@ def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
 
 
 def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
-    few = len(one.names) <= MOST
+    # Points, images, stations or sets that are listed; of more the weakest.
+    most = 1_000
+    few = len(one.names) <= most
     # Some things (k,) of one kind.
-    numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST)
+    numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(most)
     assert solved.quality is not None
     nabla = detectable(solved.quality, one.weakest[numbers])
     groups = solved.adjustment.problem.groups
