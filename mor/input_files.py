@@ -151,8 +151,7 @@ def limit(name: str) -> int:
     if not given:
         return LIMITS[name]
     if not given.isascii() or not given.isdigit() or int(given) == 0:
-        words = f"found {given!r} in the environment, expected a whole number above 0"
-        raise InputError([Message(words, name)])
+        raise InputError([Message(f"found {given!r} in the environment, expected a whole number above 0", name)])
     return int(given)
 
 
@@ -289,8 +288,7 @@ def is_folder(path: Path) -> bool:
 def check_size(size: int, path: Path, most: str) -> None:
     """Raise :class:`InputError` where ``size`` bytes are above the limit ``most``."""
     if size > limit(most) * _MB:
-        words = f"found more than {limit(most)} MB; {raise_it(most)}"
-        raise InputError([Message(words, str(path))])
+        raise InputError([Message(f"found more than {limit(most)} MB; {raise_it(most)}", str(path))])
 
 
 def _unpacked_size(path: Path, most: int) -> int:

@@ -249,8 +249,7 @@ def _image_points(
         scale, mine = scales[name], used == name
         pixel = 1.0 if scale.unit == "px" else scale.pixel
         if np.isnan(pixel) or (corner and np.isnan(scale.centre[0])):
-            words = f"camera {name!r} has no image: {{width, height}}, which this needs"
-            raise InputError([place.problem(words)])
+            raise InputError([place.problem(f"camera {name!r} has no image: {{width, height}}, which this needs")])
         units = [unit_of(entry, column, scale) for column in ("x", "sigma")]
         given[mine] = _pixels(given[mine] * scale.factor(units[0]) / pixel, scale, corner)
         sigma[mine] *= scale.factor(units[1]) / pixel
@@ -287,8 +286,7 @@ def block(content: Content, what: str, found: ContentTable, corner: bool = True)
     used = dict(zip(found.ids, found.texts["camera"], strict=True))
     rays = image_points(content, used, corner)
     if not rays.images:
-        words = f"{what} has image blocks; this project has no image points"
-        raise InputError([Message(words, content.document.file)])
+        raise InputError([Message(f"{what} has image blocks; this project has no image points", content.document.file)])
     return ImageBlock(found, with_undeclared(content, places, rays.points), rays)
 
 
@@ -329,8 +327,7 @@ def with_undeclared(content: Content, places: ContentTable, named: Iterable[str]
     if not more:
         return places
     if content.project.settings.undeclared_points != "free":
-        words = f"point {more[0]!r} is not among the points"
-        raise InputError([Message(words, content.document.file)])
+        raise InputError([Message(f"point {more[0]!r} is not among the points", content.document.file)])
     nothing = np.full((len(more), 3), np.nan)
     theirs = Statuses(nothing, np.ones(nothing.shape, dtype=bool), nothing, nothing)
     both = Statuses(*(np.concatenate(pair) for pair in zip(places.statuses, theirs, strict=True)))

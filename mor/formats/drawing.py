@@ -114,8 +114,7 @@ def drawing_in_metres(document: Document, folder: Path) -> Drawing:
     """The drawing of a project that is not in latitude and longitude. Raises :class:`InputError`."""
     shown = drawing(document, folder)
     if shown.degrees:
-        words = "latitude and longitude cannot be drawn in metres; geojson has them"
-        raise InputError([Message(words, document.file)])
+        raise InputError([Message("latitude and longitude cannot be drawn in metres; geojson has them", document.file)])
     return shown
 
 

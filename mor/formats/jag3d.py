@@ -233,8 +233,7 @@ def _uncertainties(script: Script, draft: Draft) -> dict[str, str]:
             elif row["type"] != "10" and value > 0.0:
                 depending.append(line)
     if depending:
-        words = f"parts of σ that depend on the distance in {counted(len(depending), 'row')} not read"
-        draft.note(words, depending[0])
+        draft.note(f"parts of σ that depend on the distance in {counted(len(depending), 'row')} not read", depending[0])
     return constant
 
 

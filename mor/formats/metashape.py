@@ -299,8 +299,7 @@ def _to_references(
     moved = similarity(*map(np.array, zip(*pairs, strict=True)))
     if moved.outcome is not SimilarityOutcome.DETERMINED:
         return None
-    words = "poses are geocentric, references are not: the poses are fitted to them as start values"
-    draft.note(words, chunk.line)
+    draft.note("poses are geocentric, references are not: the poses are fitted to them as start values", chunk.line)
     return moved.rotation, moved.translation, moved.scale
 
 

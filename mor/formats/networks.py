@@ -283,8 +283,7 @@ def world_of(content: Content, what: str) -> None:
 def clockwise_from_north(content: Content, what: str) -> None:
     """Raise :class:`InputError` where angles of a project have other senses and zeros."""
     if content.project.axes.angles != "clockwise" or content.project.axes.bearings_from != "north":
-        words = f"{what} has angles clockwise and azimuths from north"
-        raise InputError([content.place("axes").problem(words)])
+        raise InputError([content.place("axes").problem(f"{what} has angles clockwise and azimuths from north")])
 
 
 def earth_points(content: Content, network: Network, what: str) -> EarthPoints:
@@ -366,8 +365,7 @@ class SetUps:
         """The point of a station. Raises :class:`InputError` if it stands on none."""
         point = self._under.get(station, station)
         if point not in self._points:
-            words = f"station {station!r} has no point"
-            raise InputError([Message(words, self._content.document.file)])
+            raise InputError([Message(f"station {station!r} has no point", self._content.document.file)])
         return point
 
 

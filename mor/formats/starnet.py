@@ -1069,8 +1069,7 @@ def _notes(content: Content, target: Path, guessed: int) -> list[Message]:
         words = "scales, offsets, refraction and σ of centring belong to STAR*NET's project options, not to this file"
         notes.append(Message(words, str(target)))
     if any(e.ppm for e in entries):
-        words = "σ that grow with the distance are written as they are at the observed one"
-        notes.append(Message(words, str(target)))
+        notes.append(Message("σ that grow with the distance are written as they are at the observed one", str(target)))
     if content.project.datum != "fixed":
         words = "STAR*NET has no inner constraints: hold coordinates (!) there, or the network stays without a datum"
         notes.append(Message(words, str(target)))

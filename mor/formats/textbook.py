@@ -76,8 +76,7 @@ def _section(whole: str, number: int, draft: Draft) -> TextSection:
         "3dbasislinie": "3DBaseline",
     }.get(given.lower())
     if name is None:
-        words = f"unknown section [{given}]{nearest(given, known)} (known: {', '.join(known)})"
-        draft.problem(words, number)
+        draft.problem(f"unknown section [{given}]{nearest(given, known)} (known: {', '.join(known)})", number)
         return TextSection("Graphics", "", "", number)
     if name in NOT_READ:
         draft.note(f"[{name}] is not read", number)

@@ -233,8 +233,7 @@ def systematic_errors(problem: Problem, wishes: Wishes) -> dict[int, list[tuple[
             group = problem.groups[k]
             known = [one.name for one in group.type.components]
             if component and component not in known:
-                words = f"{group.name} has no component {component!r} (known: {', '.join(known)})"
-                problems.append(Message(words))
+                problems.append(Message(f"{group.name} has no component {component!r} (known: {', '.join(known)})"))
                 continue
             for c in [known.index(component)] if component else range(len(known)):
                 unit = group.external.factors[c] if group.external is not None else 1.0

@@ -225,15 +225,13 @@ def _put_normals(
         _put(normals, chosen, np.broadcast_to(direction, (len(chosen), 3)), reading, place, targets)
     elif given.surface is not None:
         if given.surface not in by_name:
-            words = f"there is no surface {given.surface!r}{nearest(given.surface, by_name)}"
-            place.tell(words, "surface")
+            place.tell(f"there is no surface {given.surface!r}{nearest(given.surface, by_name)}", "surface")
             return
         chosen = targets_named(given.points, targets, place, "points", reading.problems)
         some = _inside(reading, by_name[given.surface])
         faces = faces_of(targets.positions[chosen], some, clearance)
         for k in chosen[faces < 0].tolist():
-            words = f"point {targets.names[k]!r} is not on surface {given.surface!r}, within the clearance"
-            place.tell(words)
+            place.tell(f"point {targets.names[k]!r} is not on surface {given.surface!r}, within the clearance")
         normals[chosen[faces >= 0]] = some.normals[faces[faces >= 0]]
     else:
         _read_normals(reading, given, place, targets, normals)

@@ -183,8 +183,7 @@ def read_sphere(reading: Reading) -> None:
         return
     place = reading.at("curvature")
     if reading.project.world is not None:
-        words = "curvature: a network on the ellipsoid (world) has it already; remove the key"
-        place.tell(words)
+        place.tell("curvature: a network on the ellipsoid (world) has it already; remove the key")
         return
     refused = [
         *(("cameras", name) for name, c in reading.project.cameras.items() if c.readout is not None),
@@ -192,8 +191,7 @@ def read_sphere(reading: Reading) -> None:
     ]
     for path in refused:
         what = "trajectories" if path == ("trajectories",) else "a rolling shutter"
-        words = f"curvature: {what} cannot be on the sphere; use world, or leave curvature out"
-        reading.at(*path).tell(words)
+        reading.at(*path).tell(f"curvature: {what} cannot be on the sphere; use world, or leave curvature out")
     radius = _radius(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
     origin = _origin(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
     if refused or radius is None or origin is None:

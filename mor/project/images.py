@@ -158,13 +158,11 @@ def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> 
         return -1
     value, free = float(statuses.values[0, 0]), bool(statuses.free[0, 0])
     if value < 0.0:
-        words = f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes"
-        at.tell(words, "readout")
+        at.tell(f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes", "readout")
     if value == 0.0 and not free:
         return -1
     if np.isnan(scale.pixel) or camera.image is None:
-        words = "readout needs image: {width, height, pixel}: the row of a point is its time"
-        at.tell(words, "readout")
+        at.tell("readout needs image: {width, height, pixel}: the row of a point is its time", "readout")
         return -1
     return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
 
@@ -415,8 +413,7 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, Rows, int]]) ->
     for number, leader, pair, rows, row in leaders:
         if not leader or not pair:
             have, lack = ("pair", "leader") if pair else ("leader", "pair")
-            words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
-            rows.tell(row, words)
+            rows.tell(row, f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both")
         elif leader not in images.numbers:
             rows.tell(row, unknown_name("leader: image", leader, images.ids))
         elif pair not in pairs.numbers and "pair" in reading.broken:
@@ -426,8 +423,7 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, Rows, int]]) ->
         elif images.numbers[leader] == number:
             rows.tell(row, f"image {leader!r} is its own leader; a stereo follower follows another image")
         elif images.numbers[leader] in followers:
-            words = f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
-            rows.tell(row, words)
+            rows.tell(row, f"leader {leader!r} is itself a follower; a leader must have its own position and attitude")
         else:
             if leader in reading.image_times:
                 reading.image_times[images.ids[number]] = reading.image_times[leader]

@@ -352,8 +352,7 @@ def read_point_table(
     rows.tell_where(np.any(sigma == 0.0, axis=1) & np.any(sigma != 0.0, axis=1), words)
     known = np.isfinite(coordinates)
     some = np.any(known, axis=1) & ~np.all(known, axis=1)
-    words = f"a position on the earth needs all of {', '.join(system.coordinates)}, or none"
-    rows.tell_where(some, words)
+    rows.tell_where(some, f"a position on the earth needs all of {', '.join(system.coordinates)}, or none")
     lost = np.any(sigma >= 0.0, axis=1) & ~np.any(known, axis=1)
     rows.tell_where(lost, "fixed or observed, but it has no coordinates")
     deflection = np.stack([rows.number(name) for name in DEFLECTIONS], axis=1)
@@ -512,13 +511,11 @@ def _orthometric(reading: Reading, section: WorldSection, system: ReferenceSyste
     if section.heights is None and not system.vertical and system.kind != "geocentric":
         if system.kind == "geographic" and len(system.crs.axis_info) == 3:
             return False
-        words = f"{system.name} does not say what heights refer to; set heights: ellipsoidal, or orthometric"
-        place.tell(words)
+        place.tell(f"{system.name} does not say what heights refer to; set heights: ellipsoidal, or orthometric")
     if system.kind == "geocentric" and section.heights == "orthometric":
         place.tell("heights: geocentric coordinates have none", "heights")
     if system.vertical and section.heights == "ellipsoidal":
-        words = f"heights: found ellipsoidal, but those of the system are {system.vertical!r}"
-        place.tell(words, "heights")
+        place.tell(f"heights: found ellipsoidal, but those of the system are {system.vertical!r}", "heights")
     return bool(system.vertical) or section.heights == "orthometric"
 
 

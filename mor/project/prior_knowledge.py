@@ -238,8 +238,7 @@ def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
             place.tell(f"{name}: a {feature.type} has none", name)
     given = [key for key in RELATIONS if getattr(feature, key) is not None]
     if len(given) > 1:
-        words = "give only one of parallel, perpendicular, coaxial and coplanar"
-        place.tell(words, given[1])
+        place.tell("give only one of parallel, perpendicular, coaxial and coplanar", given[1])
     round_types = ("circle", "cylinder", "cone", "torus")
     can_have = {
         "parallel": (*round_types, "plane"),
@@ -266,8 +265,7 @@ def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
             axis = f"{key}: the {type_} {name!r} has no axis"
             place.tell(plane if key == "coplanar" else axis, key)
         elif key == "perpendicular" and systems[name].turn >= 0:
-            words = f"perpendicular: {name!r} is itself perpendicular to another feature"
-            place.tell(words, key)
+            place.tell(f"perpendicular: {name!r} is itself perpendicular to another feature", key)
 
 
 def _needed(feature: Feature) -> int:

@@ -302,8 +302,7 @@ def reference_system(text: str) -> ReferenceSystem:
         words = f"{crs.name!r} has no datum: it does not say where on the earth its coordinates are"
         raise ReferenceSystemError(f"{words}; a local system needs no world, and one on the earth needs its ellipsoid")
     if any(axis.direction.lower() in ("south", "west") for axis in crs.axis_info[:2]):
-        words = f"the axes of {crs.name!r} count to the south or west, expected north and east"
-        raise ReferenceSystemError(words)
+        raise ReferenceSystemError(f"the axes of {crs.name!r} count to the south or west, expected north and east")
     return ReferenceSystem(crs, kind, vertical)
 
 

@@ -511,8 +511,7 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
         words = f"{name}: expected a value between {least:g} and {most:g} {unit}"
         rows.tell_where((found[name] < least) | (found[name] > most), words)
     lost = np.isnan(found[TEMPERATURE]) | np.isnan(found[PRESSURE])
-    words = "a distance with a column of the air needs both temperature and pressure"
-    rows.tell_where(lost, words)
+    rows.tell_where(lost, "a distance with a column of the air needs both temperature and pressure")
     both = np.isfinite(found[HUMIDITY]) & np.isfinite(found[VAPOUR])
     rows.tell_where(both, "give either humidity or vapour_pressure")
     if constants is None or len(reading.problems) > before:

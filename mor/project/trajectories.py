@@ -73,11 +73,9 @@ def read_scanner(reading: Reading, name: str, camera: Camera, scale: ImageScale)
     except UnitError as error:
         place.tell(f"{key}: {error}", key)
     if not scale.corner:
-        words = "a line scanner needs coordinates: corner; its rows count from the first line"
-        place.tell(words)
+        place.tell("a line scanner needs coordinates: corner; its rows count from the first line")
     if camera.readout is not None:
-        words = "a camera has a readout time or is a line scanner, not both"
-        place.tell(words, "readout")
+        place.tell("a camera has a readout time or is a line scanner, not both", "readout")
     reading.scanners[name] = Scanner(line_time, line)
 
 
@@ -214,8 +212,7 @@ def _seconds(reading: Reading, place: TableLocation, key: str, text: str | None)
 
 def _only_starts(table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
     if table.fixed:
-        words = "fixed: knots at a spacing are free; observe them by rows of type trajectory_position"
-        place.tell(words, "fixed")
+        place.tell("fixed: knots at a spacing are free; observe them by rows of type trajectory_position", "fixed")
     given = [f"{kind}_{name}" for kind in ("sigma", "start") for name in _POSE]
     for name in given:
         if np.isfinite(rows.number(name)).any():
@@ -234,8 +231,7 @@ def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> No
     words = "trajectory {0!r}: {1} comes after {2}; expected times in ascending order"
     rows.tell_where(step < 0.0, lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1])))
     if len(time) < LINEAR:
-        words = f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation"
-        rows.tell(0, words)
+        rows.tell(0, f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation")
 
 
 def _trajectory(
@@ -574,8 +570,7 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Co
     for i in np.flatnonzero(on & ~timeless).tolist():
         trajectory = reading.trajectories[named[i]]
         if not trajectory.clock(times[i : i + 1]).inside[0]:
-            words = f"image {names[i]!r}: {trajectory.outside(float(times[i]))}"
-            rows.tell(i, words)
+            rows.tell(i, f"image {names[i]!r}: {trajectory.outside(float(times[i]))}")
         result[i] = ids.index(named[i])
         reading.image_times[names[i]] = float(times[i])
     return result
@@ -589,13 +584,11 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
     for i, name in enumerate(names):
         if not scans[i]:
             if name in reading.lines:
-                words = f"image {name!r} has times of its lines, but its camera has neither line_time nor line"
-                rows.tell(i, words)
+                rows.tell(i, f"image {name!r} has times of its lines, but its camera has neither line_time nor line")
             continue
         if name in reading.lines:
             if np.isfinite(times[i]):
-                words = f"image {name!r} has a time, and a table of the times of its lines; expected one of them"
-                rows.tell(i, words)
+                rows.tell(i, f"image {name!r} has a time, and a table of the times of its lines; expected one of them")
             times[i] = reading.lines[name].times[0]
             continue
         step = reading.scanners[cameras[i]].line_time

@@ -166,8 +166,7 @@ def view_of_folder(folder: Path) -> View:
             trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
         )
     except (KeyError, TypeError, pl.exceptions.PolarsError):
-        words = "these results are not complete"
-        raise InputError([Message(words, str(path))]) from None
+        raise InputError([Message("these results are not complete", str(path))]) from None
 
 
 def _additional(

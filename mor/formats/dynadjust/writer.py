@@ -121,8 +121,7 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     set_ups = SetUps(content, points.ids)
     measured = [one for group in found for one in _measurements(content, group, N, set_ups)]
     notes = not_carried(content, kinds, ("stations",), "DynAdjust")
-    words = f"the epoch is written as {EPOCH}: a project has none"
-    notes.append(Message(words, str(target)))
+    notes.append(Message(f"the epoch is written as {EPOCH}: a project has none", str(target)))
     if raised(content, found):
         notes.append(Message("directions have no heights of instrument and target in DynAdjust", str(target)))
     return Outgoing(frame, points, world.orthometric, measured, notes)

@@ -311,8 +311,7 @@ def read_stations(path: Path, draft: Draft, form: Definition | None) -> StationF
     """Stations of a coordinate file, of a delimited one by its definition. Raises :class:`InputError`."""
     lines = [line for line in lines_of(path, draft) if line.words] if form is None else _divided(path, form, draft)
     if len(lines) < 2:
-        words = "expected a title, a coordinate system and stations"
-        raise InputError([Message(words, str(path), len(lines) or 1)])
+        raise InputError([Message("expected a title, a coordinate system and stations", str(path), len(lines) or 1)])
     code = lines[1].words[0]
     crs, frame = _system(code, path, lines[1].number)
     given = [word.lower() for word in lines[2].words] if len(lines) > 2 else []
@@ -573,8 +572,7 @@ def date_of(text: str) -> datetime | None:
     try:
         return datetime.strptime(plain, "%Y")
     except ValueError:
-        words = f"found the date {text!r}, expected one such as 2008-01-13, 13 Jan 2008 or unknown"
-        raise ValueError(words) from None
+        raise ValueError(f"found the date {text!r}, expected one such as 2008-01-13, 13 Jan 2008 or unknown") from None
 
 
 class Period(NamedTuple):

@@ -435,8 +435,7 @@ def _put_stations(data: Data, commands: _Commands) -> None:
         fixed = ["x", "y", "z"] if held else []
         draft.table("points", names, cells, str(path), units=units or None, fixed=fixed)
     if in_part:
-        words = f"coordinates that are fixed in part are observed with σ = {exact} m"
-        draft.note(words, 1, str(stations.path))
+        draft.note(f"coordinates that are fixed in part are observed with σ = {exact} m", 1, str(stations.path))
 
 
 def _sigma(commands: _Commands, name: str) -> tuple[float | None, float | None]:
