@@ -24,21 +24,11 @@ from mor.types import FloatArray, IntArray
 
 # ---- Draw a project: points with their σ if results exist, images, lines of sight.
 
-_LINES = {
-    "distance": ("from", "to"),
-    "horizontal_distance": ("from", "to"),
-    "height_difference": ("from", "to"),
-    "vector": ("from", "to"),
-    "bearing": ("from", "to"),
-    "azimuth": ("from", "to"),
-    "astronomic_azimuth": ("from", "to"),
-    "gnss_vector": ("from", "to"),
-    "ellipsoid_arc": ("from", "to"),
-    "ellipsoid_chord": ("from", "to"),
-    "mean_sea_level_distance": ("from", "to"),
-    "zenith_angle": ("from", "to"),
-    "vertical_direction": ("from", "to"),
-}
+_LINES = (
+    *("distance", "horizontal_distance", "height_difference", "vector", "bearing", "azimuth", "astronomic_azimuth"),
+    *("gnss_vector", "ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance", "zenith_angle"),
+    "vertical_direction",
+)
 """Observations between two points, which a drawing shows as lines."""
 
 
@@ -186,16 +176,15 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
     """Pairs of points that observations connect, each once."""
     found: dict[tuple[str, str], None] = {}
     for number, entry in enumerate(content.project.observations):
-        ends = _LINES.get(entry.type)
-        if ends is None:
+        if entry.type not in _LINES:
             continue
         place = content.place("observations", number)
         source = from_rows(entry, place) if entry.rows is not None else from_file(entry, {}, place)
         if source is None or place.problems:
             raise InputError(place.problems)
-        if not set(ends) <= set(source.columns):
+        if not {"from", "to"} <= set(source.columns):
             continue
-        first, second = (source.columns[end].cast(pl.String).to_list() for end in ends)
+        first, second = (source.columns[end].cast(pl.String).to_list() for end in ("from", "to"))
         for pair in zip(first, second, strict=True):
             if set(pair) <= known and pair[::-1] not in found:
                 found[pair] = None

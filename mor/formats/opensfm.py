@@ -133,14 +133,9 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
 # others in its own units (OpenSfM source, ``config.py`` and ``bundle_adjuster.cc``).
 
 _SIGMA = {
-    "exif_focal_sd": 0.01,
-    "principal_point_sd": 0.01,
-    "radial_distortion_k1_sd": 0.01,
-    "radial_distortion_k2_sd": 0.01,
-    "radial_distortion_k3_sd": 0.01,
-    "radial_distortion_k4_sd": 0.01,
-    "tangential_distortion_p1_sd": 0.01,
-    "tangential_distortion_p2_sd": 0.01,
+    **dict.fromkeys(("exif_focal_sd", "principal_point_sd"), 0.01),
+    **{f"radial_distortion_k{k}_sd": 0.01 for k in (1, 2, 3, 4)},
+    **{f"tangential_distortion_p{k}_sd": 0.01 for k in (1, 2)},
 }
 """OpenSfM's defaults."""
 
