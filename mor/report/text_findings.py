@@ -154,10 +154,8 @@ def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:
 
 # ---- Report observations left out because all together have no acceptable solution.
 
-SHOWN = 200
 
-
-def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
+def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = 200) -> str:
     """The suspects, the worst first; nothing if there are none."""
     data = suspects(solved)
     if data is None:

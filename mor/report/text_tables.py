@@ -361,9 +361,6 @@ def station_section(solved: Solved, words: Words) -> str:
 
 # ---- Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch.
 
-SHOWN_MOTIONS = 200
-"""Rows of each table that a text report lists; the tables beside it have all."""
-
 
 class Listed(NamedTuple):
     """A table as texts."""
@@ -376,8 +373,8 @@ class Listed(NamedTuple):
     """Words for the rows that stand elsewhere."""
 
 
-def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_MOTIONS) -> str:
-    """Return the motion models of the points and the estimated movements as text."""
+def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = 200) -> str:
+    """Return the motion models of the points and the estimated movements as text: ``shown`` rows of each table."""
     if found_movements(solved) is None:
         return ""
     length = solved.network.project.units.length

@@ -318,12 +318,9 @@ def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
 
 # ---- Tests of groups in words: which groups contradict, what would explain them, what is chosen and not measured.
 
-SHOWN = 40
-"""Tests that the report lists: those that reject, then those of tables."""
 
-
-def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """All that rejects, and the tests of tables."""
+def section(solved: Solved, words: Words = ENGLISH, shown: int = 40) -> str:
+    """All that rejects, and the tests of tables: ``shown`` of them."""
     return section_of(verdict_rows(solved), words, shown)
 
 
@@ -499,12 +496,10 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
 
 WORDS_OF_RELIABILITY_NAMED = 10
 """Uncontrolled observations that are spoken of one by one."""
-WEAKEST = 4
-"""Points, images, stations and sets, each, that the table has."""
 
 
 def section_of_reliability(
-    solved: Solved, words: Words = ENGLISH, weakest: int = WEAKEST, named: int = WORDS_OF_RELIABILITY_NAMED
+    solved: Solved, words: Words = ENGLISH, weakest: int = 4, named: int = WORDS_OF_RELIABILITY_NAMED
 ) -> str:
     """So many uncontrolled observations, then so many weakest of each kind."""
     unit = solved.network.project.units.length
