@@ -236,7 +236,7 @@ def _regroup_heights(whole: _Project, other: _Project) -> None:
     """Hold the height of a point that no reading of either file tells, in the tables of both files."""
     flat, tall = set[str](), set[str]()
     for project in (whole, other):
-        for table in _with_rows(project):
+        for table in (one for one in project.tables("points") if "rows" in one):
             if _holds_height(table):
                 flat |= set(_ids(table))
             elif project.tables("observations"):
@@ -263,10 +263,6 @@ def _regroup_heights(whole: _Project, other: _Project) -> None:
             project.data["points"].append({**keys, "columns": columns, "rows": rows})
             _keep_rows(project, ("points", number), table, sorted(set(range(len(table["rows"]))) - set(wrong)))
         _drop_empty(project, "points")
-
-
-def _with_rows(project: _Project) -> list[dict[str, Any]]:
-    return [table for table in project.tables("points") if "rows" in table]
 
 
 def _holds_height(table: Mapping[str, Any]) -> bool:

@@ -551,15 +551,11 @@ def _put_control(sections: dict[str, Element], folder: Path, draft: Draft) -> se
     if table:
         columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
         draft.table("points", columns, table, rows[0].file, group="control")
-        _note_labels(rows, draft)
+        labelled = [row for row in rows if row.cells.get("label")]
+        if labelled:
+            words = f"labels of control points are not carried: they keep their ids ({labelled[0].cells['id']}"
+            draft.note(f"{words} is {labelled[0].cells['label']})", labelled[0].line, labelled[0].file)
     return {row.cells["id"] for row in rows}
-
-
-def _note_labels(rows: list[TableLine], draft: Draft) -> None:
-    labelled = [row for row in rows if row.cells.get("label")]
-    if labelled:
-        words = f"labels of control points are not carried: they keep their ids ({labelled[0].cells['id']}"
-        draft.note(f"{words} is {labelled[0].cells['label']})", labelled[0].line, labelled[0].file)
 
 
 def _put_marks(given: Element, folder: Path, images: dict[str, str], control: set[str], draft: Draft) -> None:

@@ -667,11 +667,6 @@ def check_groups(reading: Reading, groups: list[ObservationGroup]) -> tuple[Obse
     checks = tuple(group.group for group in read_groups(apart))
     if reading.broken:
         return checks  # what is missing may be told by what could not be read
-    _refuse_unobserved(reading, groups, checks)
-    return checks
-
-
-def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks: tuple[ObservationGroup, ...]) -> None:
     points = reading.shop.store("point")
     seen = np.zeros(len(points.ids), dtype=bool)
     for group in groups:
@@ -683,3 +678,4 @@ def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks:
             for row in np.flatnonzero(free[blocks] & ~seen[blocks]).tolist():
                 words = f"point {points.ids[blocks[row]]!r} is a check point, but nothing determines it"
                 reading.problems.append(group.message(row, words))
+    return checks

@@ -298,14 +298,6 @@ def put_points(points: dict[str, GamaPoint], draft: Draft) -> None:
         draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held_components))
 
 
-def put_datum(points: dict[str, GamaPoint], draft: Draft) -> None:
-    """Inner constraints over the constrained coordinates, where there are any."""
-    carrying = {part: [p.name for p in points.values() if p.carries_datum(part)] for part in POINT_PARTS}
-    free = {part: names for part, names in carrying.items() if names}
-    if free:
-        draft.put("datum", {"free": free})
-
-
 # ---- Observations of a GNU Gama file: what was measured, with which σ or covariances, and what is left out.
 
 
@@ -794,7 +786,11 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     draft.put("axes", {"xy": axes, "angles": "clockwise" if left else "counterclockwise", "bearings_from": "north"})
     put_points(points, draft)
     _put_observations(clusters, draft)
-    put_datum(points, draft)
+    # Inner constraints over the constrained coordinates, where there are any.
+    carrying = {part: [p.name for p in points.values() if p.carries_datum(part)] for part in POINT_PARTS}
+    free = {part: names for part, names in carrying.items() if names}
+    if free:
+        draft.put("datum", {"free": free})
     draft.put("settings", _settings(parameters, sigma_apriori, dimensions(points)))
 
 
