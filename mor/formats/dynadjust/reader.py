@@ -185,7 +185,6 @@ class MeasurementKind(NamedTuple):
 
 
 _LINE = ("from", "to")
-_COORDINATES = (("P", "latitude"), ("Q", "longitude"), ("I", "latitude"), ("J", "longitude"))
 KINDS = {
     "A": MeasurementKind("angle", ("at", "from", "to"), "angle", angle=True),
     "B": MeasurementKind("azimuth", _LINE, "azimuth", angle=True),
@@ -200,7 +199,10 @@ KINDS = {
     "V": MeasurementKind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
     "Z": MeasurementKind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
 }
-COORDINATES = {code: MeasurementKind("geodetic_position", ("point",), name, angle=True) for code, name in _COORDINATES}
+COORDINATES = {
+    code: MeasurementKind("geodetic_position", ("point",), name, angle=True)
+    for code, name in zip("PQIJ", ("latitude", "longitude") * 2, strict=True)
+}
 """Geodetic (P, Q) and astronomic (I, J) latitudes and longitudes, alone."""
 SINGLE = {**KINDS, **COORDINATES}
 

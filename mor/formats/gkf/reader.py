@@ -104,7 +104,6 @@ class ElementRule(NamedTuple):
 _SIGHT = {"from": _identifier, "stdev": _positive, "from_dh": parse_number, "to_dh": parse_number, "extern": _anything}
 _LENGTH = ElementRule((), {"to": _identifier, "val": _positive}, _SIGHT)
 _ANGULAR = ElementRule((), {"to": _identifier, "val": _angle}, _SIGHT)
-_MEASURED = ("direction", "distance", "angle", "s-distance", "z-angle", "azimuth", "dh")
 RULES = {
     "gama-local": ElementRule(("network",), {}, {"xmlns": _anything, "version": _anything}),
     "network": ElementRule(
@@ -150,7 +149,7 @@ RULES = {
         },
     ),
     "obs": ElementRule(
-        (*_MEASURED, "cov-mat"),
+        ("direction", "distance", "angle", "s-distance", "z-angle", "azimuth", "dh", "cov-mat"),
         {},
         {"from": _identifier, "orientation": _angle, "from_dh": parse_number, "extern": _anything},
     ),

@@ -31,7 +31,6 @@ from mor.project.document import Document
 
 BOMFORD = 2.0
 """mor's coefficient of refraction per one of Bomford's, which SNAP has."""
-_USUAL = 0.075
 _OUTPUT = (
     *("list", "output_csv", "add_residual_column", "summarize_errors_by", "summarise_errors_by"),
     *("summarize_residuals_by", "summarise_residuals_by", "error_type", "output_coordinate_file", "residual_format"),
@@ -88,7 +87,7 @@ class _Commands:
     float_errors: tuple[float, float] = (1.0, 1.0)
     refraction: dict[str, tuple[float, bool]] = field(default_factory=dict)
     """Coefficients by code, and whether they are unknowns."""
-    usual: float = _USUAL
+    usual: float = 0.075
     sigmas: dict[str, tuple[float | None, float | None]] = field(default_factory=dict)
     """σ (m) of stations, horizontal and vertical: 0 where they are fixed, nothing where they are free."""
 
