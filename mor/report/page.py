@@ -13,7 +13,7 @@ from contextlib import suppress
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -227,13 +227,13 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 
 # ---- The verdict in plain words: statements, each with its numbers, good, doubtful or bad.
 
-GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
+State = Literal["good", "doubt", "bad", "plain"]
 
 
 class Statement(NamedTuple):
     """A statement of the verdict, and the numbers it rests on."""
 
-    state: str
+    state: State
     title: str
     words: str = ""
     link: str = ""
@@ -274,7 +274,7 @@ def agreement(data: PageData) -> Statement:
     shared = in_common(view.gross_errors.get("in_common", []), say)
     contradicted = contradictions(view.verdict, say)
     if view.summary["redundancy"] == 0:
-        return Statement(BAD, say("not tested"), say("The redundancy is 0: nothing is tested."))
+        return Statement("bad", say("not tested"), say("The redundancy is 0: nothing is tested."))
     tested = (
         say("The global test accepts the adjustment.")
         if test["accepted"]
@@ -284,10 +284,10 @@ def agreement(data: PageData) -> Statement:
     words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *gone])
     if left_out or contradicted or not test["accepted"]:
         smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
-        return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
+        return Statement("doubt" if smaller else "bad", say("not accepted"), words)
     if view.summary["flagged"]:
-        return Statement(DOUBT, say("accepted, with observations to look at"), words)
-    return Statement(GOOD, say("accepted"), words)
+        return Statement("doubt", say("accepted, with observations to look at"), words)
+    return Statement("good", say("accepted"), words)
 
 
 def determination(data: PageData) -> Statement:
@@ -303,11 +303,11 @@ def determination(data: PageData) -> Statement:
             say("{count:observation is|observations are} uncontrolled: an error there would hardly show.", count=loose)
         )
     if found is None:
-        return Statement(PLAIN, say("not judged"), " ".join(words))
+        return Statement("plain", say("not judged"), " ".join(words))
     if not found["as_a_whole"]:
-        return Statement(BAD, say("not determined"), " ".join(words))
+        return Statement("bad", say("not determined"), " ".join(words))
     if open_ or things:
-        return Statement(DOUBT, say("partly ill-determined"), " ".join(words))
+        return Statement("doubt", say("partly ill-determined"), " ".join(words))
     unit, factor = small_unit(view.length, found["largest_sigma"])
     words.insert(
         0,
@@ -317,7 +317,7 @@ def determination(data: PageData) -> Statement:
             unit=unit,
         ),
     )
-    state = DOUBT if loose else GOOD
+    state: State = "doubt" if loose else "good"
     return Statement(state, say("determined, partly uncontrolled") if loose else say("determined"), " ".join(words))
 
 
@@ -328,20 +328,20 @@ def headline(data: PageData) -> Statement:
     open_ = ill_determined(view.verdict, view.length, say)
     things = [row for row in view.summary.get("undeterminable", []) if row["treatment"]]
     if view.summary["redundancy"] == 0:
-        return Statement(BAD, say("Not controlled"))
+        return Statement("bad", say("Not controlled"))
     if view.suspects is None and test["statistic"] < test["lower"]:
-        return Statement(DOUBT, say("Not accepted"))
+        return Statement("doubt", say("Not accepted"))
     if view.suspects is not None or not test["accepted"] or contradictions(view.verdict, say):
-        return Statement(BAD, say("Not accepted"))
+        return Statement("bad", say("Not accepted"))
     if open_ and not (view.verdict or {})["determined"]["as_a_whole"]:
-        return Statement(BAD, say("Not determined"))
+        return Statement("bad", say("Not determined"))
     if open_:
-        return Statement(DOUBT, say("Accepted, but partly ill-determined"))
+        return Statement("doubt", say("Accepted, but partly ill-determined"))
     if loose:
-        return Statement(DOUBT, say("Accepted, {count:observation|observations} uncontrolled", count=loose))
+        return Statement("doubt", say("Accepted, {count:observation|observations} uncontrolled", count=loose))
     if view.summary["flagged"] or emptied(view.groups.to_dicts(), say) or _mostly_out(data) or things:
-        return Statement(DOUBT, say("Accepted, with observations to look at"))
-    return Statement(GOOD, say("Accepted"))
+        return Statement("doubt", say("Accepted, with observations to look at"))
+    return Statement("good", say("Accepted"))
 
 
 def _rests_on(data: PageData) -> list[Statement]:
@@ -351,21 +351,23 @@ def _rests_on(data: PageData) -> list[Statement]:
         "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
         "differences of coordinates in two datums are not movements."
     )
-    ready = data.view.summary["global_test"]["accepted"] and headline(data).state != BAD
+    ready = data.view.summary["global_test"]["accepted"] and headline(data).state != "bad"
     if not ready:
         first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
         other = f"{first} {other}"
     return [
-        Statement(PLAIN, say("Datum"), say("{datum}. Coordinates and σ refer to it.", datum=data.datum), "key-figures"),
-        Statement(PLAIN if ready else DOUBT, say("Another epoch"), other),
-        Statement(PLAIN, say("Input"), used_in_words(data), "files"),
+        Statement(
+            "plain", say("Datum"), say("{datum}. Coordinates and σ refer to it.", datum=data.datum), "key-figures"
+        ),
+        Statement("plain" if ready else "doubt", say("Another epoch"), other),
+        Statement("plain", say("Input"), used_in_words(data), "files"),
     ]
 
 
 def _causes(data: PageData) -> list[Statement]:
     return [
         Statement(
-            DOUBT,
+            "doubt",
             data.words("Possible cause"),
             data.words(
                 "{cause}. {effect}. Not verified: run mor diagnose; to try it: {line}",
@@ -419,7 +421,7 @@ def _global(data: PageData) -> Statement | None:
         advice = say(
             "Residuals are smaller than the σ given a priori say: the observations are better than was assumed."
         )
-    state = GOOD if test["accepted"] else BAD if larger else DOUBT
+    state: State = "good" if test["accepted"] else "bad" if larger else "doubt"
     return Statement(state, say("Global test"), f"{advice} {numbers}", "key-figures")
 
 
@@ -431,7 +433,7 @@ def _groups(data: PageData) -> Statement | None:
     if not found and tested["tests"]:
         found = [tests_in_words(tested, say), say("None of them rejects.")]
     found += said_conventions(tested, say)
-    state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
+    state: State = "bad" if tested["rejected"] else "good" if tested["tests"] else "plain"
     return Statement(state, say("Tests of groups"), " ".join(found), "groups") if found else None
 
 
@@ -455,7 +457,7 @@ def _worst(data: PageData) -> Statement | None:
         unit=row["unit"],
     )
     many = summary["flagged"] > expected + 3.0 * np.sqrt(max(expected, 1.0))
-    state = GOOD if not summary["flagged"] else BAD if many else DOUBT
+    state: State = "good" if not summary["flagged"] else "bad" if many else "doubt"
     return Statement(state, say("Single observations"), sentence, "residuals")
 
 
@@ -478,7 +480,7 @@ def _controlled(data: PageData) -> Statement | None:
         lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
         lines += [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
         words = " ".join([words, *lines])
-    state = DOUBT if low > 0.05 * used.height or free else GOOD
+    state: State = "doubt" if low > 0.05 * used.height or free else "good"
     return Statement(state, say("Reliability"), words, "tests")
 
 
@@ -494,7 +496,7 @@ def _checks(data: PageData) -> Statement | None:
     )
     said = "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test."
     words = say(said, parts=parts, largest=f"{worst['largest']:.3g}", unit=worst["unit"], beyond=beyond)
-    return Statement(DOUBT if beyond else GOOD, say("Checks"), words, "control")
+    return Statement("doubt" if beyond else "good", say("Checks"), words, "control")
 
 
 def _points(data: PageData) -> Statement | None:
@@ -511,7 +513,7 @@ def _points(data: PageData) -> Statement | None:
     if worst["ellipsoid_a"]:
         axis = f"{factor * worst['ellipsoid_a']:.3g}"
         words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
-    return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}", "points")
+    return Statement("plain", say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}", "points")
 
 
 def _geometry(data: PageData) -> Statement | None:
@@ -529,7 +531,7 @@ def _geometry(data: PageData) -> Statement | None:
         limit=f"{limits[data.angle_unit]:g}",
         unit=data.angle_unit,
     )
-    return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words, "tests")
+    return Statement("doubt" if two or narrow else "good", data.words("Rays"), words, "tests")
 
 
 def _camera(camera: dict[str, Any], say: Words) -> Statement:
@@ -556,7 +558,7 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
         words += " " + say(said, size=f"{strong:.2f}", one=names[j], other=names[i])
     words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
     doubt = weak or abs(strong) > 0.95
-    return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
+    return Statement("doubt" if doubt else "good", say("Camera {id}", id=camera["id"]), words, "cameras")
 
 
 # ---- The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.

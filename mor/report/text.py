@@ -185,8 +185,6 @@ def _limits(test: dict[str, float], words: Words) -> str:
 # ---- The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
 
 WIDTH = 100
-WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 40
-"""Observations, cameras, checks and groups that are shown."""
 
 
 def screen(solved: Solved, words: Words = ENGLISH, verbose: bool = False) -> str:
@@ -230,7 +228,7 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
                 unit=row["unit"],
                 count=row["count"],
             )
-            for row in check_rows(solved)[:CHECKS]
+            for row in check_rows(solved)[:2]
         ],
     ]
     head = "\n".join(verdict(solved, words)).split("\n")
@@ -254,7 +252,7 @@ def _worst(solved: Solved, words: Words) -> list[str]:
     if quality is None:
         return []
     lines = []
-    for effect in solved.effects[:WORST]:
+    for effect in solved.effects[:3]:
         group, row, component = effect.entry
         line = words(
             "Worst: {place}: |w| = {w}, r = {r}",
@@ -287,7 +285,7 @@ def _points(solved: Solved, words: Words) -> list[str]:
 
 def _cameras(solved: Solved, words: Words) -> list[str]:
     lines = []
-    for row in interior_rows(solved)[:CAMERAS]:
+    for row in interior_rows(solved)[:2]:
         name, constant = next(iter(row["components"].items()))
         value = words.number(short(constant["value"], 7))
         sigma = f" ± {words.number(short(constant['sigma'], 2))}" if constant["sigma"] else ""
@@ -297,13 +295,13 @@ def _cameras(solved: Solved, words: Words) -> list[str]:
 
 
 def _groups(solved: Solved, words: Words) -> list[str]:
-    groups = group_table(solved).to_dicts()
+    groups, most = group_table(solved).to_dicts(), 40
     columns = "observations redundancy:.1f sigma0:.3f largest_w:.2f flagged"
-    rows = [[row["name"][:36], *cells(row, columns)] for row in groups[:GROUPS]]
+    rows = [[row["name"][:36], *cells(row, columns)] for row in groups[:most]]
     headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
     lines = ["", *table(headers, rows, words=words).splitlines()]
-    if len(groups) > GROUPS:
-        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - GROUPS))
+    if len(groups) > most:
+        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - most))
     return lines
 
 
