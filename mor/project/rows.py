@@ -458,8 +458,7 @@ def note_points_under_instruments(
 #
 #     D = 273.15/1013.25 · (287.604 + 4.8864/λ² + 0.068/λ⁴)
 
-TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR = "temperature", "pressure", "humidity", "vapour_pressure"
-AIR = (TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR)
+AIR = ("temperature", "pressure", "humidity", "vapour_pressure")
 """Columns of the air: °C, hPa, %, hPa."""
 _ZERO = 273.15
 
@@ -503,23 +502,25 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
     before = len(reading.problems)
     # What is found on the earth; beyond it the unit is another one.
     for name, (least, most, unit) in {
-        TEMPERATURE: (-90.0, 60.0, "°C"),
-        PRESSURE: (300.0, 1100.0, "hPa"),
-        HUMIDITY: (0.0, 100.0, "%"),
-        VAPOUR: (0.0, 100.0, "hPa"),
+        "temperature": (-90.0, 60.0, "°C"),
+        "pressure": (300.0, 1100.0, "hPa"),
+        "humidity": (0.0, 100.0, "%"),
+        "vapour_pressure": (0.0, 100.0, "hPa"),
     }.items():
         words = f"{name}: expected a value between {least:g} and {most:g} {unit}"
         rows.tell_where((found[name] < least) | (found[name] > most), words)
-    lost = np.isnan(found[TEMPERATURE]) | np.isnan(found[PRESSURE])
+    lost = np.isnan(found["temperature"]) | np.isnan(found["pressure"])
     rows.tell_where(lost, "a distance with a column of the air needs both temperature and pressure")
-    both = np.isfinite(found[HUMIDITY]) & np.isfinite(found[VAPOUR])
+    both = np.isfinite(found["humidity"]) & np.isfinite(found["vapour_pressure"])
     rows.tell_where(both, "give either humidity or vapour_pressure")
     if constants is None or len(reading.problems) > before:
         return given
     vapour = np.where(
-        np.isfinite(found[VAPOUR]), found[VAPOUR], np.nan_to_num(vapour_pressure(found[TEMPERATURE], found[HUMIDITY]))
+        np.isfinite(found["vapour_pressure"]),
+        found["vapour_pressure"],
+        np.nan_to_num(vapour_pressure(found["temperature"], found["humidity"])),
     )
-    correction = first_velocity_correction(Air(found[TEMPERATURE], found[PRESSURE], vapour), *constants)
+    correction = first_velocity_correction(Air(found["temperature"], found["pressure"], vapour), *constants)
     return given * (1.0 + correction[:, None])
 
 

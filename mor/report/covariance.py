@@ -22,6 +22,9 @@ from mor.report.units import angle_unit, unit_of
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
+HeadedRows = tuple[list[str], list[list[object]]]
+"""Names of the columns of a table, and its rows."""
+
 
 class Labelled(NamedTuple):
     """A covariance matrix (k, k) with labels ``kind id component``, units and values of the unknowns."""
@@ -140,25 +143,16 @@ def _interior_blocks(solved: Solved, names: Sequence[str]) -> list[tuple[str, in
     ]
 
 
-def relative_pose_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list[object]]:
+def relative_pose_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> HeadedRows:
     """Rows from, to, the six values, their σ, and the upper triangle of their covariance."""
+    names, upper = ("bx", "by", "bz", "omega", "phi", "kappa"), np.triu_indices(6)
+    of_covariance = (f"cov_{names[i]}_{names[j]}" for i, j in zip(*upper, strict=True))
     rows: list[list[object]] = []
     for one, other in pairs:
         found = relative_pose(solved, one, other)
         sigma = np.sqrt(np.maximum(np.diagonal(found.covariance), 0.0))
-        rows.append([one, other, *found.values.tolist(), *sigma.tolist(), *found.covariance[_UPPER].tolist()])
-    return rows
-
-
-POSE = ("bx", "by", "bz", "omega", "phi", "kappa")
-_UPPER = np.triu_indices(6)
-RELATIVE_POSE_HEADER = (
-    "from",
-    "to",
-    *POSE,
-    *(f"s{name}" for name in POSE),
-    *(f"cov_{POSE[i]}_{POSE[j]}" for i, j in zip(*_UPPER, strict=True)),
-)
+        rows.append([one, other, *found.values.tolist(), *sigma.tolist(), *found.covariance[upper].tolist()])
+    return ["from", "to", *names, *(f"s{name}" for name in names), *of_covariance], rows
 
 
 def point_numbers(solved: Solved, names: Sequence[str]) -> list[int]:
@@ -237,17 +231,20 @@ def _quality(solved: Solved) -> Quality:
     return solved.quality
 
 
-def point_blocks(solved: Solved) -> list[list[object]]:
+def point_blocks(solved: Solved) -> HeadedRows:
     """Rows id, xx, xy, xz, yy, yz, zz of all points, in project axes."""
     quality, M = _quality(solved), solved.network.edge.matrix
     points = solved.network.things["point"]
     q = quality.cofactors["point"][points.parts["position"]] * quality.sigma_factor**2
     turned = M.T @ q @ M
     upper = [(i, j) for i in range(3) for j in range(i, 3)]
-    return [[name, *(float(turned[n, i, j]) for i, j in upper)] for n, name in enumerate(points.ids)]
+    rows: list[list[object]] = [
+        [name, *(float(turned[n, i, j]) for i, j in upper)] for n, name in enumerate(points.ids)
+    ]
+    return ["id", "xx", "xy", "xz", "yy", "yz", "zz"], rows
 
 
-def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list[object]]:
+def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> HeadedRows:
     """Rows from, to, dx, dy, dz, σ of them, distance, its σ, semi-axes a b c, in project axes."""
     quality, M = _quality(solved), solved.network.edge.matrix
     rows: list[list[object]] = []
@@ -260,11 +257,7 @@ def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list
         of_length = float(np.sqrt(max(float(along @ found.covariance @ along), 0.0)))
         numbers = np.concatenate([found.difference @ M, sigma, [length, of_length], found.axes])
         rows.append([one, other, *numbers.tolist()])
-    return rows
-
-
-POINT_BLOCK_HEADER = ("id", "xx", "xy", "xz", "yy", "yz", "zz")
-RELATIVE_HEADER = ("from", "to", "dx", "dy", "dz", "sdx", "sdy", "sdz", "distance", "sdistance", "a", "b", "c")
+    return ["from", "to", "dx", "dy", "dz", "sdx", "sdy", "sdz", "distance", "sdistance", "a", "b", "c"], rows
 
 
 def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
@@ -282,9 +275,7 @@ def check_covariance(path: Path) -> None:
         raise InputError([Message(f"expected one of {', '.join(suffixes)}", str(path))])
 
 
-def with_expanded(
-    header: Sequence[str], rows: Sequence[Sequence[object]], factor: float
-) -> tuple[list[str], list[list[object]]]:
+def with_expanded(header: Sequence[str], rows: Sequence[Sequence[object]], factor: float) -> HeadedRows:
     """Header and rows with a column U for every column of σ (``sdx``) or variances (``xx``): U = k σ."""
     of = [(k, name[1:], 1.0) for k, name in enumerate(header) if name.startswith("s")]
     of = of or [(k, name[0], 0.5) for k, name in enumerate(header) if name in ("xx", "yy", "zz")]
