@@ -17,7 +17,6 @@ from mor.errors import OutOfMemoryError
 ENVIRONMENT = "MOR_MEMORY_MB"
 """Environment variable that says how much the process may take in all, in place of what the system says."""
 _MB = 1e6
-_GROUP = Path("/sys/fs/cgroup")
 
 
 def processors() -> int:
@@ -130,11 +129,12 @@ def _groups() -> list[tuple[Path, str, str, str]]:
     except OSError:
         own = []
     group = next((line[3:] for line in own if line.startswith("0::")), "/")
-    inner = _GROUP / group.lstrip("/")
-    chain = [inner, *(folder for folder in inner.parents if folder.is_relative_to(_GROUP))]
+    groups_root = Path("/sys/fs/cgroup")
+    inner = groups_root / group.lstrip("/")
+    chain = [inner, *(folder for folder in inner.parents if folder.is_relative_to(groups_root))]
     second = [(folder, "memory.max", "memory.current", "inactive_file") for folder in chain]
     first = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-    return [*second, (_GROUP / "memory", *first)]
+    return [*second, (groups_root / "memory", *first)]
 
 
 def _of_address_space() -> float | None:

@@ -100,17 +100,16 @@ def _cell(value: object) -> str:
 
 # ---- Results opened again: a project solved where it stands, in its datum or in another one.
 
-ADJUSTED = "adjusted.yaml"
-
 
 def reopen(path: Path) -> Project:
     """The project behind a results folder, or a project file.
 
     The datum of results refers to the coordinates that stand with them. Raises :class:`InputError`.
     """
-    file = path / ADJUSTED if path.is_dir() else path
+    adjusted_file = "adjusted.yaml"
+    file = path / adjusted_file if path.is_dir() else path
     if path.is_dir() and not file.is_file():
-        raise InputError([Message(f"no {ADJUSTED} in this folder; expected the results of mor adjust", str(path))])
+        raise InputError([Message(f"no {adjusted_file} in this folder; expected the results of mor adjust", str(path))])
     project = read(file)
     reference = path / "reference.csv"
     if not path.is_dir() or not reference.is_file():

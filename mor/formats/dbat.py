@@ -207,7 +207,6 @@ def _distortion(texts: Texts, values: dict[str, float]) -> set[str]:
 
 # ---- Read the settings of a DBAT script: estimated parameters and start values of the camera.
 
-INTERIOR = ("c", "xh", "yh", "b1", "b2", "K1", "K2", "K3", "P1", "P2")
 EXTERIOR = ("x", "y", "z", "omega", "phi", "kappa")
 
 
@@ -229,6 +228,7 @@ def free_interior(root: Element, draft: Draft) -> set[str]:
     """Components of the interior orientation that the script estimates; none where it says nothing."""
     free: set[str] = set()
     said = False
+    interior = ("c", "xh", "yh", "b1", "b2", "K1", "K2", "K3", "P1", "P2")
     names_of_kind = {
         "cc": ("c",),
         "pp": ("xh", "yh"),
@@ -238,7 +238,7 @@ def free_interior(root: Element, draft: Draft) -> set[str]:
         "skew": ("b2",),
         "K": ("K1", "K2", "K3"),
         "P": ("P1", "P2"),
-        "all": INTERIOR,
+        "all": interior,
         **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
     }
     for section, given in _settings(root, "io", names_of_kind, draft):

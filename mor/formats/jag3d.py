@@ -39,9 +39,8 @@ _INSERT = re.compile(r'INSERT\s+INTO\s+(?:"?\w+"?\.)?"(\w+)"\s+VALUES\s*\((.*)\)
 _VALUE = re.compile(r"\s*('(?:[^']|'')*'|[^',]*)\s*(,|$)")
 _TYPES = {"1": "height_difference", "2": "directions", "3": "horizontal_distance", "4": "distance", "5": "zenith_angle"}
 """Types of observations by JAG3D's numbers; 6 to 8 are GNSS."""
-_SIGMA = {"directions": "5e-6", "zenith_angle": "5e-6"}
 SIGMA_LENGTH = "0.002"
-"""σ (rad, m) where neither a row, or line, nor its group says any."""
+"""σ (m) where neither a row, or line, nor its group says any."""
 _COLUMNS = {
     "height_difference": ("from", "to", "dz", "sigma"),
     "directions": ("station", "set", "to", "horizontal", "sigma"),
@@ -186,6 +185,8 @@ def _put_observations(script: Script, draft: Draft) -> None:
     stations: dict[tuple[str, str], int] = {}
     sets: Counter[str] = Counter()
     off, without = 0, 0
+    # σ (rad) where neither a row nor its group says any.
+    usual = {"directions": "5e-6", "zenith_angle": "5e-6"}
     for row, line in script.of("ObservationApriori"):
         group = groups.get(row["group_id"])
         type_ = _TYPES.get(group["type"]) if group is not None else None
@@ -200,7 +201,7 @@ def _put_observations(script: Script, draft: Draft) -> None:
                 raise ValueError(f"found {start!r} at both ends")
             own = repr(sigma) if sigma > 0.0 else constant.get(row["group_id"], "")
             without += not own
-            cells: list[str | None] = [start, end, repr(value), own or _SIGMA.get(type_, SIGMA_LENGTH)]
+            cells: list[str | None] = [start, end, repr(value), own or usual.get(type_, SIGMA_LENGTH)]
             if type_ == "directions":
                 if (start, row["group_id"]) not in stations:
                     sets[start] += 1
@@ -217,7 +218,7 @@ def _put_observations(script: Script, draft: Draft) -> None:
     if off:
         draft.note(f"{counted(off, 'observation')} switched off, or of a type that is not read")
     if without:
-        words = f"{counted(without, 'observation')} without σ: {_SIGMA['directions']} rad or {SIGMA_LENGTH} m is taken"
+        words = f"{counted(without, 'observation')} without σ: {usual['directions']} rad or {SIGMA_LENGTH} m is taken"
         draft.note(words)
 
 

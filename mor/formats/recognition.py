@@ -43,7 +43,6 @@ from mor.types import FloatArray, IntArray
 # ---- The flat files of one AICON project: found by a folder, a stem or one of them; lines of words without comments.
 
 REQUIRED = (".ior", ".eor", ".obc", ".phc")
-SUFFIXES = (*REQUIRED, ".scale")
 
 
 class FileLine(NamedTuple):
@@ -69,7 +68,8 @@ def stem_of(path: Path) -> Path:
             raise InputError([Message(words, str(path))])
         return stems[0].with_suffix("")
     bare = _bare(path)
-    return bare.with_suffix("") if bare.suffix in SUFFIXES else bare
+    suffixes = (*REQUIRED, ".scale")
+    return bare.with_suffix("") if bare.suffix in suffixes else bare
 
 
 def is_stem(path: Path) -> bool:

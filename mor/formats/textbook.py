@@ -17,8 +17,6 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 # ---- Sections of a textbook network file: their headers with units, and their lines without comments.
 
-NOT_READ = ("ApproximateScale", "ApproximateAdditiveConstant")
-"""Start values of unknowns that no textbook network of this form has: left out with a note."""
 _COMMENT = re.compile(r"(?:^|(?<=\s))[%#]|%")
 """A comment; a name may contain #."""
 
@@ -65,7 +63,9 @@ def _section(whole: str, number: int, draft: Draft) -> TextSection:
         draft.problem(f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number)
         return TextSection("Graphics", "", "", number)
     given = match[1]
-    known = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
+    # Start values of unknowns that no textbook network of this form has: left out with a note.
+    not_read = ("ApproximateScale", "ApproximateAdditiveConstant")
+    known = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *not_read)
     by_name = {name.lower(): name for name in known}
     name = by_name.get(given.lower()) or {
         "quelle": "Source",
@@ -78,7 +78,7 @@ def _section(whole: str, number: int, draft: Draft) -> TextSection:
     if name is None:
         draft.problem(f"unknown section [{given}]{nearest(given, known)} (known: {', '.join(known)})", number)
         return TextSection("Graphics", "", "", number)
-    if name in NOT_READ:
+    if name in not_read:
         draft.note(f"[{name}] is not read", number)
     units = [_unit(text or "", number, draft) for text in (match[2], match[3])]
     return TextSection(name, units[0], units[1], number)

@@ -42,12 +42,12 @@ DEFLECTIONS = ("deflection_north", "deflection_east")
 """ξ and η of the plumb line, north and east positive: the astronomic zenith lies there from the geodetic one."""
 GEOID = "geoid"
 """Height N of the geoid above the ellipsoid."""
-_QUANTITIES = {**dict.fromkeys(DEFLECTIONS, ANGLE), GEOID: LENGTH}
 
 
 def end_constants(ends: Sequence[str], names: Sequence[str]) -> tuple[Component, ...]:
     """Constants of a type that belong to the points at its ends: ``geoid of from``."""
-    return tuple(Component(f"{name} of {end}", _QUANTITIES[name]) for end in ends for name in names)
+    quantities = {**dict.fromkeys(DEFLECTIONS, ANGLE), GEOID: LENGTH}
+    return tuple(Component(f"{name} of {end}", quantities[name]) for end in ends for name in names)
 
 
 class End(NamedTuple):

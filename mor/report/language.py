@@ -237,8 +237,6 @@ def _catalogue(language: str, of: str) -> dict[str, str]:
 
 # ---- The name of a datum in the language of a report.
 
-_HELD = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
-
 
 def datum_name(name: str, words: Words) -> str:
     """A datum as a network calls it (``fixed``, ``free, inner constraints over …``, ``minimal, …``), in other words."""
@@ -255,8 +253,9 @@ def datum_name(name: str, words: Words) -> str:
             for components, count in found
         ]
         return words("free, inner constraints over {parts}", parts=f" {words('and')} ".join(said))
+    held_axes = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
     if kind == "minimal":
-        pieces = _HELD.split(rest)[1:]
+        pieces = held_axes.split(rest)[1:]
         said = [
             words("{components} of {names}", components=components, names=names)
             for components, names in zip(pieces[::2], pieces[1::2], strict=True)

@@ -183,8 +183,6 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
 
 # ---- The protocol as plain data, and from these a text and a page, each on one sheet.
 
-VDI, VDI_TITLE = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
-
 
 def protocol(
     view: View, standard: str, against: View | None = None, permissible: tuple[float, float] | None = None
@@ -193,18 +191,19 @@ def protocol(
 
     Raises :class:`InputError` if the results are not of the full procedure, or the options do not suit the standard.
     """
-    if standard != VDI and standard not in PROCEDURES:
-        raise InputError([Message(f"unknown protocol {standard}{nearest(standard, [*PROCEDURES, VDI])}")])
-    if (standard == VDI) != (permissible is not None and max(permissible) > 0.0):
+    of_lengths, title_of_lengths = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
+    if standard != of_lengths and standard not in PROCEDURES:
+        raise InputError([Message(f"unknown protocol {standard}{nearest(standard, [*PROCEDURES, of_lengths])}")])
+    if (standard == of_lengths) != (permissible is not None and max(permissible) > 0.0):
         raise InputError([Message("--permissible goes with --protocol vdi2634-1, and is not zero")])
-    if standard == VDI and against is not None:
+    if standard == of_lengths and against is not None:
         raise InputError([Message("--against goes with the protocols of ISO 17123")])
     parts: list[dict[str, Any]] = []
     largest = None  # length measurement error, in mm
     if permissible is not None:
         errors = [abs(float(c["largest"])) for c in view.checks if c["type"] == c["component"] == "distance"]
         largest = max(errors) * LENGTH_UNITS[view.length] * 1e3
-        tests, title = length_tests(view, permissible), VDI_TITLE
+        tests, title = length_tests(view, permissible), title_of_lengths
     else:
         found, title = figures(view, standard), PROCEDURES[standard].title
         tests = statistical_tests(found, None if against is None else figures(against, standard), standard)
