@@ -12,7 +12,6 @@ from mor.cli.options import InputPath, coverage_option, output_option
 from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
-
     from mor.quality.solution import Solved
     from mor.report.covariance import Labelled
 

@@ -213,15 +213,7 @@ EXTERIOR = ("x", "y", "z", "omega", "phi", "kappa")
 def operations(root: Element, *names: str) -> Iterator[Element]:
     """Elements of some names anywhere in the operations, in their order."""
     for part in root.all("operations"):
-        yield from _inside(part, names)
-
-
-def _inside(element: Element, names: tuple[str, ...]) -> Iterator[Element]:
-    for child in element.children:
-        if child.name in names:
-            yield child
-        elif child.name != "c":
-            yield from _inside(child, names)
+        yield from part.inside(*names, but="c")
 
 
 def free_interior(root: Element, draft: Draft) -> set[str]:

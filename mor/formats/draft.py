@@ -255,6 +255,14 @@ class Element:
         """Children of a name."""
         return [child for child in self.children if child.name == name]
 
+    def inside(self, *names: str, but: str = "") -> Iterator[Element]:
+        """Elements of these names at any depth, the outermost of each branch; not those below an element ``but``."""
+        for child in self.children:
+            if child.name in names:
+                yield child
+            elif child.name != but:
+                yield from child.inside(*names, but=but)
+
 
 class _EntityError(Exception):
     """An entity declaration was met."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -172,7 +172,7 @@ def read_metashape(path: Path) -> Document:
     draft = Draft(str(path))
     own = is_project(path)
     root = project_tree(path) if own else parse_xml(read_bytes(path, PROJECT), draft.file)
-    chunks = [root] if root.name == "chunk" else list(_inside(root, "chunk"))
+    chunks = [root] if root.name == "chunk" else list(root.inside("chunk"))
     if not chunks:
         raise InputError([Message(f"found <{root.name}> without a <chunk>, expected Metashape's XML", draft.file, 1)])
     if len(chunks) > 1:
@@ -206,17 +206,8 @@ def read_metashape(path: Path) -> Document:
     return draft.finish()
 
 
-def _inside(element: Element, name: str) -> Iterator[Element]:
-    """Elements of a name at any depth, those in groups as well."""
-    for child in element.children:
-        if child.name == name:
-            yield child
-        else:
-            yield from _inside(child, name)
-
-
 def _section(chunk: Element, section: str, name: str) -> list[Element]:
-    return [found for part in chunk.all(section) for found in _inside(part, name)]
+    return [found for part in chunk.all(section) for found in part.inside(name)]
 
 
 def _put_cameras(chunk: Element, draft: Draft) -> None:
@@ -431,7 +422,7 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     seen = {
         location.attributes.get("camera_id", "")
         for frame in _section(chunk, "frames", "frame")
-        for location in _inside(frame, "location")
+        for location in frame.inside("location")
     }
     seen |= {one.camera for one in found.tie.projections if len(one.points)} if found.tie else set()
     found.posed = not other
@@ -594,7 +585,7 @@ def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> Non
 
 
 def _tie_points(chunk: Element, path: Path, draft: Draft) -> TiePoints | None:
-    clouds = [cloud for cloud in _inside(chunk, "point_cloud") if cloud.all("projections")]
+    clouds = [cloud for cloud in chunk.inside("point_cloud") if cloud.all("projections")]
     if not clouds:
         draft.note("the project has no tie points: its photographs are not aligned", chunk.line)
         return None
