@@ -22,18 +22,19 @@ def main() -> None:
     """
     heeded = []
     _open_closed_streams()
+    # Exit code where something cannot be written.
+    not_written = 2
     try:
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             number = getattr(signal, name, None)
-            if number is not None and signal.getsignal(number) in (
-                signal.SIG_DFL,
-                signal.default_int_handler,
-            ):
+            if number is not None and signal.getsignal(number) in (signal.SIG_DFL, signal.default_int_handler):
                 heeded.append(number)
                 signal.signal(number, _interrupt)
         sys.unraisablehook = _unraisable
         _heed_warnings()
-        gc.set_threshold(_OBJECTS)
+        # New objects after which Python looks for circles of garbage, in place of 700: loading modules makes none. With
+        # :func:`gc.freeze` at the end it saves a sixth of the time of the smallest network.
+        gc.set_threshold(200_000)
         for name, value in _ENVIRONMENT.items():
             os.environ.setdefault(name, value)
         sys.meta_path.insert(0, _WhenUsed)
@@ -45,15 +46,11 @@ def main() -> None:
     except KeyboardInterrupt as interruption:
         code = 128 + int(next(iter(interruption.args), signal.SIGINT))
     except OSError:
-        code = _NOT_WRITTEN
+        code = not_written
     if not _flushed():
-        code = code or _NOT_WRITTEN
+        code = code or not_written
     gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
-
-
-_NOT_WRITTEN = 2
-"""Exit code where something cannot be written."""
 
 
 def _flushed() -> bool:
@@ -90,12 +87,6 @@ _ENVIRONMENT = {
     "OPENBLAS_THREAD_TIMEOUT": "20",
 }
 
-_OBJECTS = 200_000
-"""New objects after which Python looks for circles of garbage, in place of 700: loading modules makes none.
-
-With :func:`gc.freeze` at the end it saves a sixth of the time of the smallest network.
-"""
-
 
 class _WhenUsed:
     """Finds what is to be loaded by its first use: SciPy's array interface asks for all that is in numpy.
@@ -123,7 +114,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     There a lock is held that other threads wait for, and what is raised between taking it and the ``try`` after it, or
     in a callback, leaves it taken for ever.
     """
-    if frame is not None and frame.f_code.co_filename == _LOADING and hasattr(signal, "setitimer"):
+    loading = "<frozen importlib._bootstrap>"
+    if frame is not None and frame.f_code.co_filename == loading and hasattr(signal, "setitimer"):
         _interrupt_later(number)
         return
     if number != signal.SIGINT:  # Ctrl-C may be pressed again
@@ -134,7 +126,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 def _interrupt_later(number: int) -> None:
     signal.signal(signal.SIGALRM, lambda _, there: _interrupt(number, there))
-    signal.setitimer(signal.ITIMER_REAL, _A_MOMENT)
+    signal.setitimer(signal.ITIMER_REAL, 1e-3)  # seconds
 
 
 def _unraisable(lost: sys.UnraisableHookArgs) -> None:
@@ -150,9 +142,6 @@ def _unraisable(lost: sys.UnraisableHookArgs) -> None:
 
 _CAME: list[int] = []
 """Signals that have interrupted this run."""
-_LOADING = "<frozen importlib._bootstrap>"
-_A_MOMENT = 1e-3
-"""Seconds."""
 
 
 def _heed_warnings() -> None:

@@ -30,18 +30,13 @@ LIMITS = {
 TABLE, PROJECT = "MOR_MAX_FILE_MB", "MOR_MAX_PROJECT_MB"
 """Limits of the size of a table, and of what is not a table: project files and foreign ones."""
 _MB = 1_000_000
-_PART = 1 << 22
-"""Bytes that are unpacked together."""
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
-_HIGH = 0x80
 CODE_PAGES = {
     "gb18030": "Chinese",
     "cp1251": "Windows, Cyrillic",
     "cp1252": "Windows, Western European",
     "cp1254": "Windows, Turkish",
 }
-_TURKISH, _ACCENTED = set(b"\xd0\xdd\xde\xf0\xfd\xfe"), set(b"\xc1\xc6\xe1\xe6\xed\xf3\xfa")
-"""Letters that cp1254 has in the places of Icelandic ones, and letters of Icelandic that Turkish does not have."""
 
 
 class ReadFile(NamedTuple):
@@ -156,8 +151,7 @@ def limit(name: str) -> int:
     if not given:
         return LIMITS[name]
     if not given.isascii() or not given.isdigit() or int(given) == 0:
-        words = f"found {given!r} in the environment, expected a whole number above 0"
-        raise InputError([Message(words, name)])
+        raise InputError([Message(f"found {given!r} in the environment, expected a whole number above 0", name)])
     return int(given)
 
 
@@ -225,6 +219,8 @@ def _encoding(content: bytes) -> str:
     for mark, name in _MARKS:
         if content.startswith(mark):
             return name
+    # Letters that cp1254 has in the places of Icelandic ones, and letters of Icelandic that Turkish does not have.
+    turkish, accented = set(b"\xd0\xdd\xde\xf0\xfd\xfe"), set(b"\xc1\xc6\xe1\xe6\xed\xf3\xfa")
     try:
         content.decode("utf-8")
     except UnicodeDecodeError:
@@ -232,7 +228,7 @@ def _encoding(content: bytes) -> str:
             return "gb18030"
         if _is_cyrillic(content):
             return "cp1251"
-        return "cp1254" if not _TURKISH.isdisjoint(content) and _ACCENTED.isdisjoint(content) else "cp1252"
+        return "cp1254" if not turkish.isdisjoint(content) and accented.isdisjoint(content) else "cp1252"
     return "utf-8"
 
 
@@ -254,7 +250,7 @@ def _is_chinese(content: bytes) -> bool:
 
 def _is_cyrillic(content: bytes) -> bool:
     """Words in Cyrillic are of high bytes throughout; in Western languages most of these stand alone."""
-    high = [byte >= _HIGH for byte in content]
+    high = [byte >= 0x80 for byte in content]
     pairs = sum(a and b for a, b in pairwise(high))
     return 2 * pairs > sum(high)
 
@@ -292,8 +288,7 @@ def is_folder(path: Path) -> bool:
 def check_size(size: int, path: Path, most: str) -> None:
     """Raise :class:`InputError` where ``size`` bytes are above the limit ``most``."""
     if size > limit(most) * _MB:
-        words = f"found more than {limit(most)} MB; {raise_it(most)}"
-        raise InputError([Message(words, str(path))])
+        raise InputError([Message(f"found more than {limit(most)} MB; {raise_it(most)}", str(path))])
 
 
 def _unpacked_size(path: Path, most: int) -> int:
@@ -302,7 +297,9 @@ def _unpacked_size(path: Path, most: int) -> int:
     if path.stat().st_size * 1032 <= most:
         return 0
     size = 0
+    # Bytes that are unpacked together.
+    at_a_time = 1 << 22
     with gzip.open(path) as file:
-        while size <= most and (part := file.read(_PART)):
+        while size <= most and (part := file.read(at_a_time)):
             size += len(part)
     return size

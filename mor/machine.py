@@ -17,9 +17,6 @@ from mor.errors import OutOfMemoryError
 ENVIRONMENT = "MOR_MEMORY_MB"
 """Environment variable that says how much the process may take in all, in place of what the system says."""
 _MB = 1e6
-LIBRARIES = 1.6e9
-"""Bytes of address space in which libraries are loaded: in less, OpenBLAS ends the process, or waits for ever."""
-_GROUP = Path("/sys/fs/cgroup")
 
 
 def processors() -> int:
@@ -73,9 +70,11 @@ def memory_allowed(size: float, give_back: Callable[[], None]) -> Iterator[None]
 def check_address_space() -> None:
     """Raise :class:`OutOfMemoryError` where the libraries do not go into what ``ulimit -v`` leaves."""
     left = _of_address_space()
-    if left is not None and left < LIBRARIES:
+    # Bytes of address space in which libraries are loaded: in less, OpenBLAS ends the process, or waits for ever.
+    libraries = 1.6e9
+    if left is not None and left < libraries:
         raise OutOfMemoryError(
-            f"loading of the libraries needs {_said(LIBRARIES)} of address space, "
+            f"loading of the libraries needs {_said(libraries)} of address space, "
             f"and {_said(left)} are left (ulimit -v)"
         )
 
@@ -130,11 +129,12 @@ def _groups() -> list[tuple[Path, str, str, str]]:
     except OSError:
         own = []
     group = next((line[3:] for line in own if line.startswith("0::")), "/")
-    inner = _GROUP / group.lstrip("/")
-    chain = [inner, *(folder for folder in inner.parents if folder.is_relative_to(_GROUP))]
+    groups_root = Path("/sys/fs/cgroup")
+    inner = groups_root / group.lstrip("/")
+    chain = [inner, *(folder for folder in inner.parents if folder.is_relative_to(groups_root))]
     second = [(folder, "memory.max", "memory.current", "inactive_file") for folder in chain]
     first = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
-    return [*second, (_GROUP / "memory", *first)]
+    return [*second, (groups_root / "memory", *first)]
 
 
 def _of_address_space() -> float | None:

@@ -36,11 +36,6 @@ MANIFEST = "files.json"
 MANIFESTS = {"results.json": "mor-results", MANIFEST: "mor-files"}
 """Files that list what mor has written into their folder, and the schema that each of them names."""
 _OVER_INPUT = "this file is an input of the same command, and nothing is written over it; choose another file"
-_RESULTS_OVER_INPUT = "results would overwrite this file, from which the project is read; choose another folder"
-_NOT_LISTED = (
-    "this file exists, and no earlier results in this folder list it, so not even --force replaces it; "
-    "choose another folder"
-)
 
 
 def check_file(path: Path, force: bool, makes_folders: bool = False) -> None:
@@ -251,15 +246,20 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     """
     listed, names = listed_files(folder), set(names)
     problems = []
+    results_over_input = "results would overwrite this file, from which the project is read; choose another folder"
+    not_listed = (
+        "this file exists, and no earlier results in this folder list it, so not even --force replaces it; "
+        "choose another folder"
+    )
     for name in sorted(names | listed):
         path = folder / name
         if is_input(path):
-            problems.append(Message(_RESULTS_OVER_INPUT, str(path)))
+            problems.append(Message(results_over_input, str(path)))
         elif name in names - listed and os.path.lexists(path):
-            problems.append(Message(_NOT_LISTED, str(path)))
+            problems.append(Message(not_listed, str(path)))
         else:
             problems += [
-                Message(_NOT_LISTED, str(folder / above))
+                Message(not_listed, str(folder / above))
                 for above in PurePosixPath(name).parents
                 if (folder / above).exists() and not (folder / above).is_dir()
             ]

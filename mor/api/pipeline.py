@@ -192,8 +192,6 @@ def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
 #
 # project file → Project → Network → Problem + start values → Adjustment → Quality → Report
 
-POSES_ANEW = "the start values lead to no solution; poses of images that were far off were computed anew"
-
 
 def read_document(path: Path, form: str = "") -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines.
@@ -317,7 +315,8 @@ def _without_poses(network: Network) -> Network | None:
         start[kind][blocks[~known.any(axis=1)]] = np.nan
     if all_known(start):
         return None
-    return replace(network, start=start, notes=(*network.notes, Message(POSES_ANEW)))
+    poses_anew = "the start values lead to no solution; poses of images that were far off were computed anew"
+    return replace(network, start=start, notes=(*network.notes, Message(poses_anew)))
 
 
 def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = False) -> _Adjusted:

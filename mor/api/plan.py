@@ -32,9 +32,6 @@ from mor.quality.test_statistics import critical_value
 from mor.solve.iterate import SolverSettings, adjust
 from mor.types import FloatArray
 
-NO_PLACE = "a plan needs all start values: coordinates of points and poses of images"
-MEASURED = "missing start values are computed from the measured values"
-
 
 class PlannedProject(NamedTuple):
     """A project in which measured values may be missing, as it was read."""
@@ -63,10 +60,12 @@ def at_its_place(network: Network) -> Network:
         return _measured_where_implied(network, network.start)
     if not network.unmeasured:
         found, place = determinable_start(network)
-        return _measured_where_implied(replace(found, notes=(*found.notes, Message(MEASURED))), place)
+        measured = "missing start values are computed from the measured values"
+        return _measured_where_implied(replace(found, notes=(*found.notes, Message(measured))), place)
     place, missing = _with_circles_at_zero(network)
+    no_place = "a plan needs all start values: coordinates of points and poses of images"
     if missing:
-        raise InputError([Message(f"{thing}: no place; {NO_PLACE}", network.file) for thing in missing])
+        raise InputError([Message(f"{thing}: no place; {no_place}", network.file) for thing in missing])
     return _measured_where_implied(network, place)
 
 

@@ -100,20 +100,18 @@ def _cell(value: object) -> str:
 
 # ---- Results opened again: a project solved where it stands, in its datum or in another one.
 
-ADJUSTED = "adjusted.yaml"
-REFERENCE = "reference.csv"
-
 
 def reopen(path: Path) -> Project:
     """The project behind a results folder, or a project file.
 
     The datum of results refers to the coordinates that stand with them. Raises :class:`InputError`.
     """
-    file = path / ADJUSTED if path.is_dir() else path
+    adjusted_file = "adjusted.yaml"
+    file = path / adjusted_file if path.is_dir() else path
     if path.is_dir() and not file.is_file():
-        raise InputError([Message(f"no {ADJUSTED} in this folder; expected the results of mor adjust", str(path))])
+        raise InputError([Message(f"no {adjusted_file} in this folder; expected the results of mor adjust", str(path))])
     project = read(file)
-    reference = path / REFERENCE
+    reference = path / "reference.csv"
     if not path.is_dir() or not reference.is_file():
         return project
     note_input(reference)
@@ -480,15 +478,13 @@ class Result:
     def _table(self, frame: pl.DataFrame) -> Table:
         from mor.report.units import angle_unit
 
-        units = dict.fromkeys(_LENGTHS, self._length) | dict.fromkeys(_ANGLES, angle_unit(self.solved))
+        lengths = (
+            *("x", "y", "z", "sx", "sy", "sz", "height"),
+            *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
+        )
+        angles = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
+        units = dict.fromkeys(lengths, self._length) | dict.fromkeys(angles, angle_unit(self.solved))
         return Table(frame, {name: units[name] for name in frame.columns if name in units})
-
-
-_LENGTHS = (
-    *("x", "y", "z", "sx", "sy", "sz", "height"),
-    *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
-)
-_ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
 
 
 # ---- From a project to its result.

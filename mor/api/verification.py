@@ -116,9 +116,10 @@ def tasks() -> list[VerificationTask]:
         found.append(VerificationTask(About("start values", name, small[key]["source"]), partial(run, small[key])))
     about = About("threads", "block of two images", "the same adjustment by one thread")
     found.append(VerificationTask(about, _threads))
-    about = About("processes", _SIMULATED[0], "the same simulation by one process")
-    found.append(VerificationTask(about, partial(_processes, folder / f"{_SIMULATED[0]}.yaml")))
-    for network in _SIMULATED:
+    simulated = ("worked-examples/levelling-free", "textbook/ghilani-16-2-distance-angle-azimuth-fix")
+    about = About("processes", simulated[0], "the same simulation by one process")
+    found.append(VerificationTask(about, partial(_processes, folder / f"{simulated[0]}.yaml")))
+    for network in simulated:
         about = About("Monte Carlo", network, "theory of least squares; limits of chance, level 0.001")
         found.append(VerificationTask(about, partial(_monte_carlo, folder / f"{network}.yaml")))
     return found
@@ -190,13 +191,11 @@ def _columns(data: dict[str, Any], x: FloatArray) -> tuple[FloatArray, FloatArra
     domain = [float(x.min()), float(x.max())]
     mapped = (2.0 * x - sum(domain)) / (domain[1] - domain[0])
     back = np.zeros((degree + 1, degree + 1))
+    plain = [-1.0, 1.0]
     for k in range(degree + 1):
-        coefficients = Chebyshev.basis(k, domain=domain).convert(kind=Polynomial, domain=_PLAIN, window=_PLAIN).coef
+        coefficients = Chebyshev.basis(k, domain=domain).convert(kind=Polynomial, domain=plain, window=plain).coef
         back[: len(coefficients), k] = coefficients
     return np.asarray(chebyshev.chebvander(mapped, degree), dtype=float), back
-
-
-_PLAIN = [-1.0, 1.0]
 
 
 def linear_regression(A: FloatArray, y: FloatArray) -> Quality:
@@ -388,8 +387,6 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
     yield from about.check("σ of images and cameras", sigmas)
 
 
-_RELATIVE = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
-"""Columns whose tolerance is relative, and the least difference that is allowed."""
 _QUANTITIES = {
     "v": "residuals",
     "r": "redundancy numbers",
@@ -445,8 +442,10 @@ def _observation_checks(
 
 
 def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
-    if key in _RELATIVE:
-        return max(tolerance[key] * abs(reference), _RELATIVE[key])
+    # Columns whose tolerance is relative, and the least difference that is allowed.
+    relative = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
+    if key in relative:
+        return max(tolerance[key] * abs(reference), relative[key])
     return float(tolerance[key])
 
 
@@ -454,8 +453,6 @@ def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
 #
 # In the two scenes about the centre of a regular polygon the errors are a cos 2θ. They are orthogonal to the columns
 # of the shift and of the orientation, so the centre is the exact solution of the equations, which are not linear.
-
-_SIDES, _RADIUS = 8, 100.0
 
 
 def _solved(lines: Sequence[str]) -> Solved:
@@ -471,14 +468,15 @@ def _quality(solved: Solved) -> Quality:
 
 
 def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
-    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
-    x, y = _RADIUS * np.sin(angles), _RADIUS * np.cos(angles)
+    sides, radius = 8, 100.0
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    x, y = radius * np.sin(angles), radius * np.cos(angles)
     wave = np.cos(2.0 * angles)
     if kind == "distance":
         sigma, errors, unknowns = 0.002, 0.003 * wave, 2
-        rows = [f"[M, T{k}, {_RADIUS + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
+        rows = [f"[M, T{k}, {radius + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
         lines = ["  - type: distance", "    columns: [from, to, distance, sigma]", f"    rows: [{', '.join(rows)}]"]
-        variance = 2.0 * sigma**2 / _SIDES
+        variance = 2.0 * sigma**2 / sides
     else:
         sigma, errors, unknowns = 1e-5, 2e-5 * wave, 3
         read = (angles + 0.3 + errors) % (2.0 * np.pi)
@@ -489,7 +487,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
             "    columns: [station, to, horizontal, sigma]",
             f"    rows: [{', '.join(rows)}]",
         ]
-        variance = 2.0 * (_RADIUS * sigma) ** 2 / _SIDES
+        variance = 2.0 * (radius * sigma) ** 2 / sides
     targets = ", ".join(f"[T{k}, {a!r}, {b!r}]" for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)))
     solved = _solved(
         [
@@ -507,7 +505,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     )
     quality, (values, sigmas) = _quality(solved), point_results(solved)["M"]
     found = observations(solved)
-    redundancy = _SIDES - unknowns
+    redundancy = sides - unknowns
     sigma0 = float(np.sqrt(errors @ errors / redundancy) / sigma)
     yield from about.check("coordinates", ((f"M {n}", float(values[k]), 0.0, 1e-10) for k, n in enumerate("xy")))
     yield from about.check(
@@ -517,7 +515,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     yield from about.check("sigma0", [("", quality.sigma0, sigma0, 1e-8 * sigma0)])
     residuals = zip(found, errors.tolist(), strict=True)
     yield from about.check("residuals", ((one.name, one.v, -e, 1e-8 * float(errors.max())) for one, e in residuals))
-    yield from about.check("redundancy numbers", ((one.name, one.r, redundancy / _SIDES, 1e-10) for one in found))
+    yield from about.check("redundancy numbers", ((one.name, one.r, redundancy / sides, 1e-10) for one in found))
     yield from about.check("sum of redundancy numbers", [_redundancy(quality)])
 
 
@@ -596,7 +594,6 @@ def _weighted_mean(about: About) -> Iterator[ReferenceCheck]:
 
 # Images without errors: a room of 27 points, four cameras that look at it, Brown's polynomials.
 
-_CUBE = np.array([[i, j, k] for i in (-1.0, 0.1, 1.0) for j in (-0.9, 0.0, 1.0) for k in (-0.5, 0.2, 0.6)])
 _POSES = (
     (0.3, -0.2, 6.0, 0.05, 0.03, 0.4),
     (4.0, 0.5, 4.5, -0.08, 0.72, -1.2),
@@ -619,8 +616,9 @@ def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
 
 
 def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
-    shift = 0.01 * np.cos(np.arange(_CUBE.size)).reshape(_CUBE.shape)
-    points = _CUBE if known == "points" else _CUBE + shift
+    cube = np.array([[i, j, k] for i in (-1.0, 0.1, 1.0) for j in (-0.9, 0.0, 1.0) for k in (-0.5, 0.2, 0.6)])
+    shift = 0.01 * np.cos(np.arange(cube.size)).reshape(cube.shape)
+    points = cube if known == "points" else cube + shift
     rows = [f"[P{k}, {', '.join(map(repr, row))}]" for k, row in enumerate(points.tolist())]
     poses = [
         f"[I{i}, C, {', '.join(repr(v if known == 'images' else v + 0.01) for v in pose)}]"
@@ -633,7 +631,7 @@ def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
     rays = [
         f"[I{i}, P{k}, {x!r}, {y!r}, 0.001]"
         for i, pose in enumerate(_POSES)
-        for k, (x, y) in enumerate(_brown(pose, _CUBE).tolist())
+        for k, (x, y) in enumerate(_brown(pose, cube).tolist())
     ]
     fixed_points = "fixed: [x, y, z], " if known == "points" else ""
     fixed_images = "fixed: [x, y, z, omega, phi, kappa], " if known == "images" else ""
@@ -656,7 +654,7 @@ def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
             "coordinates",
             (
                 (f"P{k} {n}", float(found[f"P{k}"][0][i]), float(row[i]), 1e-10)
-                for k, row in enumerate(_CUBE)
+                for k, row in enumerate(cube)
                 for i, n in enumerate("xyz")
             ),
         )
@@ -840,18 +838,17 @@ _WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Ite
 # simulated measurements by one process and by two. The order of sums does not depend on their number, so no digit
 # differs.
 
-_SHARED_POINTS = 25_000
-"""Points in two images from which on the rays are shared between two threads."""
-
 
 def _threads(about: About) -> Iterator[ReferenceCheck]:
     random = np.random.default_rng(46)
-    points = random.uniform(-1.0, 1.0, (_SHARED_POINTS, 3))
-    names = pl.Series(range(_SHARED_POINTS))
+    # Points in two images from which on the rays are shared between two threads.
+    shared_points = 25_000
+    points = random.uniform(-1.0, 1.0, (shared_points, 3))
+    names = pl.Series(range(shared_points))
     images, rays = [], []
     for i, pose in enumerate(_POSES[:2]):
         images.append(f"[I{i}, C, {', '.join(map(repr, pose))}]")
-        measured = _brown(pose, points) + random.normal(0.0, 0.001, (_SHARED_POINTS, 2))
+        measured = _brown(pose, points) + random.normal(0.0, 0.001, (shared_points, 2))
         rays.append(pl.DataFrame({"image": f"I{i}", "point": names, "x": measured[:, 0], "y": measured[:, 1]}))
     interior = ", ".join(f"{key}: {value!r}" for key, value in _INTERIOR.items())
     lines = [
@@ -913,7 +910,6 @@ def _write_tally(path: str, first: str, count: str) -> int:
 
 # ---- Monte Carlo: σ, coverage, and levels and power of the tests, against what theory promises.
 
-_SIMULATED = ("worked-examples/levelling-free", "textbook/ghilani-16-2-distance-angle-azimuth-fix")
 _RUNS, _SEED = 200, 1
 
 

@@ -111,7 +111,10 @@ def run(arguments: Sequence[str] | None = None, signals: Sequence[int] = ()) -> 
         show(error, language)
         return ExitCode.INPUT
     except (KeyboardInterrupt, click.Abort) as error:
-        return _interrupted(_code_of_signal(error), language)
+        # Exit code after the signal that interrupted; click puts an interruption behind an error of its own.
+        interruption = error.__cause__ if isinstance(error, click.Abort) else error
+        number = next((one for one in getattr(interruption, "args", ()) if isinstance(one, int)), None)
+        return _interrupted(INTERRUPTED if number is None else 128 + int(number), language)
     except MorError as error:
         _tell(error, language)
         return error.exit_code
@@ -124,16 +127,14 @@ def run(arguments: Sequence[str] | None = None, signals: Sequence[int] = ()) -> 
         return ExitCode.INPUT
     except MemoryError as error:
         what = f" ({error})" if str(error) else ""
-        tell(f"not enough memory{what}; nothing was written. {OUT_OF_MEMORY}", language)
+        out_of_memory = (
+            "Use --no-html and --tables worst, adjust fewer observations at a time, or use a machine with more memory."
+        )
+        tell(f"not enough memory{what}; nothing was written. {out_of_memory}", language)
         return ExitCode.MEMORY
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _interrupted(128 + signals[-1], language) if signals else _internal(error, language)
     return int(result) if isinstance(result, int) else ExitCode.DONE
-
-
-OUT_OF_MEMORY = (
-    "Use --no-html and --tables worst, adjust fewer observations at a time, or use a machine with more memory."
-)
 
 
 def _tell(error: MorError, language: str) -> None:
@@ -158,13 +159,6 @@ def _said(error: MorError, language: str) -> str:
 def _interrupted(code: int, language: str) -> int:
     tell("interrupted; no file was left incomplete", language)
     return code
-
-
-def _code_of_signal(error: BaseException) -> int:
-    """Exit code after the signal that interrupted; click puts an interruption behind an error of its own."""
-    interruption = error.__cause__ if isinstance(error, click.Abort) else error
-    number = next((one for one in getattr(interruption, "args", ()) if isinstance(one, int)), None)
-    return INTERRUPTED if number is None else 128 + int(number)
 
 
 def _internal(error: Exception, language: str) -> int:

@@ -36,10 +36,6 @@ if TYPE_CHECKING:
     from mor.solve.cluster import ComputeCluster
 
 
-MOST_NOTES = 3
-"""Notes that are shown unless all are asked for."""
-
-
 class Asked(NamedTuple):
     """Options of the command line."""
 
@@ -204,10 +200,12 @@ def run(asked: Asked) -> int:
     from mor.solve.engine import shared_among
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
+    # Notes that are shown unless all are asked for.
+    most_notes = 3
     with ExitStack() as held:
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))
-        most = None if asked.verbose else MOST_NOTES
+        most = None if asked.verbose else most_notes
         say = held.enter_context(progress(asked.quiet, asked.verbose, events, words, most))
         held.enter_context(notes_told_by(say.note))
         say.phase("reading")
@@ -225,8 +223,8 @@ def run(asked: Asked) -> int:
         said = on_screen(asked, solved, words)
         if place is not None:
             write_results(solved, document, of, place, chosen(asked, solved, say))
-        if say.told > MOST_NOTES and said and not asked.verbose:
-            more = say.told - MOST_NOTES
+        if say.told > most_notes and said and not asked.verbose:
+            more = say.told - most_notes
             said += "\n" + words("and {count:more note|more notes}; --verbose shows all", count=more)
         if said and asked.verbose:
             said += "\n" + say.durations()

@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from mor.api.workers import Done, Task
     from mor.report.batch import BatchRow
 
-_TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
-
 
 @click.command(name="batch")
 @click.argument("projects", nargs=-1, required=True)
@@ -118,12 +116,13 @@ def command(
     for case in found:
         note_input(case.project)
     logs = [f"{case.name}/{LOG}" for case in found]
+    tables = ("batch.txt", "batch.json", "batch.html", "junit.xml")
     with _workers(output, len(found), jobs, cluster, timeout) as work:
-        write_among(output, {}, (*_TABLES, *logs))
+        write_among(output, {}, (*tables, *logs))
         rows = _rows(found, options, work, against, tol, quiet)
     text, data = batch_text(rows, words), to_json(batch_data(rows))
     contents = (text, data, batch_page(rows, words), junit_xml(rows, words))
-    write_among(output, dict(zip(_TABLES, contents, strict=True)))
+    write_among(output, dict(zip(tables, contents, strict=True)))
     if as_json:
         click.echo(data, nl=False)
     if not quiet:

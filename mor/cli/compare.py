@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from mor.quality.deformation import EpochComparison
     from mor.quality.solution import Solved
 
-SHOWN = 20
 SCHEMA = "mor-results"
 """As :data:`mor.report.summary.SCHEMA`, which takes long to import."""
 
@@ -139,12 +138,13 @@ def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> E
     words = words_of(lang)
 
     found = differences(_content(one), _content(other), tol)
+    shown = 20
     if not quiet:
-        for difference in found[:SHOWN]:
+        for difference in found[:shown]:
             values = (words.listed(said_value(value)) for value in (difference.one, difference.other))
             click.echo(f"{difference.place}: {' | '.join(values)}")
-        if len(found) > SHOWN:
-            click.echo(words("and {count} more", count=len(found) - SHOWN))
+        if len(found) > shown:
+            click.echo(words("and {count} more", count=len(found) - shown))
         said = "{count:difference|differences} beyond {tol}" if found else "equal within {tol}"
         click.echo(words(said, count=len(found), tol=f"{tol:g}"), err=True)
     return ExitCode.REJECTED if found else ExitCode.DONE

@@ -78,9 +78,6 @@ def tell_note(note: Message) -> None:
 
 # ---- ``--help`` and mistakes of the command line in the language that was asked for.
 
-_EXTRA = re.compile(r"^(.*?)(?:  \[(.*)\])?$", re.DOTALL)
-"""Help of an option, and what click adds to it in brackets."""
-
 
 class HelpFormatter(click.HelpFormatter):
     """Headings, paragraphs and options in the language of the command."""
@@ -118,7 +115,8 @@ class HelpFormatter(click.HelpFormatter):
         return self._told(" ".join(line for line in lines if line != "\b"))
 
     def _entry(self, text: str) -> str:
-        match = _EXTRA.match(text)
+        # Help of an option, and what click adds to it in brackets.
+        match = re.match(r"^(.*?)(?:  \[(.*)\])?$", text, flags=re.DOTALL)
         if match is None or not match[2]:
             return self._told(text)
         extra = "; ".join(self._told(part) for part in match[2].split("; "))

@@ -12,8 +12,6 @@ from mor.cli.options import InputPath, coverage_option, output_option
 from mor.errors import InputError, Message
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from mor.quality.solution import Solved
     from mor.report.covariance import Labelled
 
@@ -132,15 +130,13 @@ def _write(
 ) -> None:
     from mor.report import covariance as report
 
-    header: Sequence[str]
     if blocks:
-        header, rows = report.POINT_BLOCK_HEADER, report.point_blocks(solved)
+        header, rows = report.point_blocks(solved)
     elif relative:
-        rows = report.relative_rows(solved, [_pair(text, "--relative", "points") for text in relative])
-        header = report.RELATIVE_HEADER
+        header, rows = report.relative_rows(solved, [_pair(text, "--relative", "points") for text in relative])
     elif relative_pose:
         pairs = [_pair(text, "--relative-pose", "images") for text in relative_pose]
-        header, rows = report.RELATIVE_POSE_HEADER, report.relative_pose_rows(solved, pairs)
+        header, rows = report.relative_pose_rows(solved, pairs)
     else:
         report.write_covariance(output, _matrix(solved, named), coverage)
         return

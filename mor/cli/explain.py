@@ -11,8 +11,6 @@ from mor.cli.console import language_option
 if TYPE_CHECKING:
     from mor.report.language import Term
 
-_WIDTH = 100
-
 
 @click.command(name="explain")
 @click.argument("term", nargs=-1)
@@ -50,6 +48,7 @@ def _explained(term: Term, lang: str) -> str:
     import textwrap
 
     todo = "What to do" if lang == "en" else "Was zu tun ist"
-    lines = [_title(term, lang), textwrap.fill(term.text, _WIDTH)]
-    lines += [textwrap.fill(f"{todo}: {term.advice}", _WIDTH)] if term.advice else []
+    width = 100
+    lines = [_title(term, lang), textwrap.fill(term.text, width)]
+    lines += [textwrap.fill(f"{todo}: {term.advice}", width)] if term.advice else []
     return "\n".join(lines)

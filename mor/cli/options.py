@@ -49,7 +49,6 @@ class OutputPath(_NamedPath):
 
 
 F = TypeVar("F", bound=Callable[..., object])
-_UNITS = {"": 1.0, "b": 1.0, "kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30}
 
 
 class MemorySize(click.ParamType):  # type: ignore[type-arg]
@@ -60,7 +59,8 @@ class MemorySize(click.ParamType):  # type: ignore[type-arg]
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """The amount in bytes."""
         found = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*([a-z]*)", str(value).strip().lower(), re.ASCII)
-        size = float(found[1]) * _UNITS.get(found[2], 0.0) if found else 0.0
+        units = {"": 1.0, "b": 1.0, "kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30}
+        size = float(found[1]) * units.get(found[2], 0.0) if found else 0.0
         if not 0.0 < size < 1e18:
             self.fail(f"found {str(value)!r}, expected an amount of memory such as 4GB or 800MB", param, ctx)
         return size

@@ -11,20 +11,19 @@ from mor.cli.console import language_option
 from mor.cli.options import InputPath
 from mor.errors import ExitCode
 
-_CONSTANT = click.option(
+_constant_option = click.option(
     "-c", "--constant", "constants", metavar="NUMBER", type=float, multiple=True, required=True,
     help="Camera constant, in the unit of the image coordinates; once for all images, or once for each.",
 )  # fmt: skip
-_SIGMA = click.option(
+_sigma_option = click.option(
     "--sigma", metavar="NUMBER", type=click.FloatRange(min=0.0, min_open=True), default=0.001, show_default=True,
     help="σ of the image coordinates, in their unit.",
 )  # fmt: skip
-_UNIT = click.option(
+_unit_option = click.option(
     "--angles", type=click.Choice(["gon", "deg", "rad"]), default="gon", show_default=True,
     help="Unit of the printed angles.",
 )  # fmt: skip
-_JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-_LANGUAGE = language_option("the text")
+_json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 
 
 @click.group(name="orient")
@@ -43,17 +42,17 @@ def command() -> None:
 
 @command.command(name="relative", short_help="Two images or a chain, from 8 or more homologous points (Rinner).")
 @click.argument("pairs", type=InputPath())
-@_CONSTANT
-@_SIGMA
-@_UNIT
+@_constant_option
+@_sigma_option
+@_unit_option
 @click.option(
     "--attitude",
     type=(float, float, float),
     metavar="OMEGA PHI KAPPA",
     help="Attitude of the first image, in the unit of --angles; the model is then in the object system.",
 )
-@_LANGUAGE
-@_JSON
+@language_option("the text")
+@_json_option
 def relative_command(
     pairs: Path,
     constants: tuple[float, ...],
@@ -100,9 +99,9 @@ def relative_command(
 
 @command.command(name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian).")
 @click.argument("points", type=InputPath())
-@_CONSTANT
-@_SIGMA
-@_UNIT
+@_constant_option
+@_sigma_option
+@_unit_option
 @click.option(
     "--length",
     type=(str, str, float),
@@ -117,8 +116,8 @@ def relative_command(
     "--off", metavar="ID", multiple=True, help="A point off the plane; by default such points are searched for."
 )
 @click.option("--wall", is_flag=True, help="The plane is a wall; the default is a level plane.")
-@_LANGUAGE
-@_JSON
+@language_option("the text")
+@_json_option
 def planar_command(
     points: Path,
     constants: tuple[float, ...],

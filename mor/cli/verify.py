@@ -10,8 +10,6 @@ from mor.cli.console import language_option
 from mor.cli.options import force_option, output_option, quiet_option
 from mor.errors import ExitCode
 
-FILES = ("verification.txt", "verification.html", "verification.json")
-
 
 @click.command(name="verify")
 @output_option("Folder for the full report: text, page and JSON.")
@@ -44,13 +42,14 @@ def command(output: Path | None, force: bool, as_json: bool, lang: str, quiet: b
     from mor.report.verification import verification_data, verification_page, verification_text
 
     words = words_of(lang, "planning")
+    files = ("verification.txt", "verification.html", "verification.json")
     if output is not None:
-        check_folder(output, force, FILES)
+        check_folder(output, force, files)
     with progress(quiet, False, words=words) as say:
         data = verification_data(verify(say.phase("verifying", len(tasks()))))
     if output is not None:
         contents = verification_text(data, words), verification_page(data, words), to_json(data)
-        write_among(output, dict(zip(FILES, contents, strict=True)))
+        write_among(output, dict(zip(files, contents, strict=True)))
     if as_json:
         click.echo(to_json(data), nl=False)
     elif not quiet:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
+from pkgutil import resolve_name
 
 from mor.errors import InputError, Message, nearest
 from mor.formats.catalogue import FORMATS
@@ -36,7 +36,7 @@ def read_foreign(path: Path, key: str = "", beside: bool = False) -> Document:
     if form is None or form.read is None:
         raise InputError([Message(_unknown(path, key), str(path))])
     code = form.beside if beside and form.beside is not None else form.read
-    read: Reader = getattr(import_module(code.module), code.function)
+    read: Reader = resolve_name(f"{__name__}.{code}")
     document = read(path)
     if not form.untried:
         return document
@@ -68,7 +68,7 @@ def write_foreign(document: Document, folder: Path, target: Path, key: str) -> W
     if document.data.get("motions"):
         words = f"the points of this project move; {key} has points that stand still"
         raise InputError([Message(words, document.file, document.line(("motions",)))])
-    write: Writer = getattr(import_module(form.write.module), form.write.function)
+    write: Writer = resolve_name(f"{__name__}.{form.write}")
     written = write(document, folder, target)
     _refuse_control_characters(written.files)
     return written

@@ -38,10 +38,7 @@ from mor.units import IMAGE
 # The files do not say which interior parameters were estimated, nor with which σ the image coordinates entered (the
 # σ columns of the ``.phc`` file are the precision of target measurement): what is assumed instead is told in notes.
 
-SIGMA = "0.0005"
-"""A-priori σ of image coordinates, mm."""
 _FREE = ("c", "xh", "yh", "A1", "A2", "B1", "B2")
-_INTERIOR = ("xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
 
 
 def read_aicon(path: Path) -> Document:
@@ -106,7 +103,8 @@ def _camera(block: list[FileLine]) -> dict[str, Any]:
     _, _, c, xh, yh, a1, a2, r0 = block[0].words[:8]
     (a3,), (b1, b2), (c1, c2) = (line.words[:n] for line, n in zip(block[1:4], (1, 2, 2), strict=True))
     width, _, columns, rows = block[4].words[:4]
-    values = dict(zip(_INTERIOR, (xh, yh, a1, a2, a3, b1, b2, c1, c2), strict=True))
+    known = ("xh", "yh", "A1", "A2", "A3", "B1", "B2", "C1", "C2")
+    values = dict(zip(known, (xh, yh, a1, a2, a3, b1, b2, c1, c2), strict=True))
     interior = {"c": repr(abs(float(c))), **values}
     return {
         "model": "mor",
@@ -165,10 +163,12 @@ def _put_rays(lines: list[FileLine], images: set[str], points: set[str], draft: 
         Message(f"{counted(count, 'ray')} not used: {name} is switched off or does not exist", file)
         for name, count in lost.items()
     ]
+    # A-priori σ of image coordinates, mm.
+    sigma = "0.0005"
     if rows:
-        draft.note(f"σ = {SIGMA} mm for all image coordinates", file=file)
+        draft.note(f"σ = {sigma} mm for all image coordinates", file=file)
         columns = ("image", "point", "x", "y")
-        draft.table("observations", columns, rows, file, type="image", units="mm", values={"sigma": SIGMA})
+        draft.table("observations", columns, rows, file, type="image", units="mm", values={"sigma": sigma})
 
 
 def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:
@@ -189,11 +189,6 @@ def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:
 
 
 # ---- An image block as AICON 3D Studio's flat files: millimetres, radians, image coordinates in mm.
-
-_TOLD = (
-    "the files do not say which interior parameters are free, and no σ of image coordinates for the adjustment: "
-    "those of the project stand in the columns of target measurement (.phc)"
-)
 
 
 def write_aicon(document: Document, folder: Path, target: Path) -> Written:
@@ -239,7 +234,11 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     for count, what in ((partly, "point with control in some components only"), (lost, "distance with heights")):
         if count:
             notes.append(Message(f"{counted(count, what)}: as if there were none", str(stem)))
-    notes.append(Message(_TOLD, str(stem)))
+    told = (
+        "the files do not say which interior parameters are free, and no σ of image coordinates for the adjustment: "
+        "those of the project stand in the columns of target measurement (.phc)"
+    )
+    notes.append(Message(told, str(stem)))
     texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
     return Written(texts, notes)
 

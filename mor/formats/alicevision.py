@@ -23,15 +23,6 @@ from mor.types import FloatArray
 # centre of the image, width/2 and height/2, counts them. Distortion is that of OpenCV: at the ideal
 # coordinates, added.
 
-DISTORTIONS = {
-    "": (),
-    "radial1": ("k1",),
-    "radial3": ("k1", "k2", "k3"),
-    "brown": ("k1", "k2", "k3", "p1", "p2"),
-    "fisheye4": ("k1", "k2", "k3", "k4"),
-}
-"""Parameters of each kind of distortion, in the order of the files."""
-
 
 @dataclass
 class BlockBuilder:
@@ -169,8 +160,6 @@ def entries(value: Any) -> Iterable[dict[str, Any]]:
 # counts from the upper left corner, since then from the image centre; focal lengths are px
 # (``pxFocalLength``) or mm with the width of the sensor. Source: AliceVision, ``sfmDataIO/jsonIO.cpp``.
 
-_NAMES = {"pinhole": "", "radialk1": "radial1", "radialk3": "radial3", "none": ""}
-
 
 def read_alicevision(path: Path) -> Document:
     """The project of a file. Raises :class:`InputError` with every mistake found."""
@@ -207,16 +196,24 @@ def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any
     what = f"intrinsic {name}"
     size = [plain(given.get(key), f"{what}: {key}") for key in ("width", "height")]
     kind = str(given.get("distortionType") or given.get("type"))
-    kind = _NAMES.get(kind, kind)
-    if kind not in DISTORTIONS or str(given.get("type")) == "equidistant":
-        known = ", ".join(name for name in DISTORTIONS if name)
+    kind = {"pinhole": "", "radialk1": "radial1", "radialk3": "radial3", "none": ""}.get(kind, kind)
+    # Parameters of each kind of distortion, in the order of the files.
+    distortions = {
+        "": (),
+        "radial1": ("k1",),
+        "radial3": ("k1", "k2", "k3"),
+        "brown": ("k1", "k2", "k3", "p1", "p2"),
+        "fisheye4": ("k1", "k2", "k3", "k4"),
+    }
+    if kind not in distortions or str(given.get("type")) == "equidistant":
+        known = ", ".join(name for name in distortions if name)
         raise Wrong(f"{what}: type {kind!r} has no counterpart in mor that says exactly the same (known: {known})")
     focal = _focal_length(given, size, what)
     centre = plain_list(given.get("principalPoint"), 2, f"{what}: principalPoint")
     # First version whose principal points count from the image centre.
     if version >= (1, 2, 1):
         centre = [offset + length / 2.0 for offset, length in zip(centre, size, strict=True)]
-    names = DISTORTIONS[kind]
+    names = distortions[kind]
     params = given.get("distortionParams") or []
     params = params if isinstance(params, list) else [params]
     values = [plain(value, f"{what}: distortionParams") for value in params]

@@ -32,8 +32,6 @@ from mor.project.document import Document
 from mor.project.schema import Camera
 from mor.types import FloatArray, IntArray
 
-_CAMERA = 9
-
 
 class BalBlock(NamedTuple):
     """A block: rotations (n, 3, 3), translations (n, 3), f k1 k2 (n, 3), points (m, 3), image points."""
@@ -99,7 +97,8 @@ def read_bal(path: Path) -> Document:
     numbers = _Numbers(path, comment=False)
     cameras, count, rays = (numbers.count(what, 1) for what in ("cameras", "points", "observations"))
     seen = numbers.take(4 * rays, "camera, point, x, y of each observation").reshape(-1, 4)
-    given = numbers.take(_CAMERA * cameras, "nine of each camera").reshape(-1, _CAMERA)
+    per_camera = 9
+    given = numbers.take(per_camera * cameras, "nine of each camera").reshape(-1, per_camera)
     xyz = numbers.take(3 * count, "three of each point").reshape(-1, 3)
     _check_end(numbers)
     indices = seen[:, :2]

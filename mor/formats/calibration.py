@@ -20,8 +20,6 @@ from mor.project.schema import Camera
 
 # ---- Camera files of OpenCV (``cv::FileStorage``): camera matrix and distortion, as ``calibrateCamera`` writes them.
 
-_DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-
 
 def write_opencv(document: Document, folder: Path, target: Path) -> Written:
     """A file for each camera, beside each other where there are several.
@@ -56,7 +54,7 @@ def write_opencv(document: Document, folder: Path, target: Path) -> Written:
 def _text(values: dict[str, float], model: str, size: tuple[int, int]) -> str:
     fx, fy = values.get("fx", values.get("f", 0.0)), values.get("fy", values.get("f", 0.0))
     matrix = [fx, 0.0, values["cx"] - 0.5, 0.0, fy, values["cy"] - 0.5, 0.0, 0.0, 1.0]
-    names = ("k1", "k2", "k3", "k4") if model == "OPENCV_FISHEYE" else _DISTORTION
+    names = ("k1", "k2", "k3", "k4") if model == "OPENCV_FISHEYE" else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
     distortion = [values.get(name, 0.0) for name in names]
     if model != "OPENCV_FISHEYE":
         distortion = distortion if any(distortion[5:]) else distortion[:5]

@@ -16,8 +16,6 @@ from mor.project.document import Document, KeyPath
 from mor.units import ANGLE, LENGTH, Quantity
 
 _COORDINATES = ("x", "y", "z")
-_POSE = (*_COORDINATES, "omega", "phi", "kappa")
-_LENGTHS = ("height", "from_height", "to_height", "station_height", "at_height", "bx", "by", "bz")
 _SECTIONS = ("points", "images", "stations", "systems", "pairs", "observations")
 
 
@@ -145,7 +143,8 @@ def _fixed(table: Mapping[str, Any]) -> set[str]:
 
 def _without_coordinates(project: _Project) -> None:
     lost = False
-    for section, names in (("points", _COORDINATES), ("images", _POSE)):
+    pose = (*_COORDINATES, "omega", "phi", "kappa")
+    for section, names in (("points", _COORDINATES), ("images", pose)):
         for table in project.tables(section):
             frame = project.frames.get(str(table.get("file")))
             columns = list(frame.columns) if frame is not None else table["columns"]
@@ -237,7 +236,7 @@ def _regroup_heights(whole: _Project, other: _Project) -> None:
     """Hold the height of a point that no reading of either file tells, in the tables of both files."""
     flat, tall = set[str](), set[str]()
     for project in (whole, other):
-        for table in _with_rows(project):
+        for table in (one for one in project.tables("points") if "rows" in one):
             if _holds_height(table):
                 flat |= set(_ids(table))
             elif project.tables("observations"):
@@ -264,10 +263,6 @@ def _regroup_heights(whole: _Project, other: _Project) -> None:
             project.data["points"].append({**keys, "columns": columns, "rows": rows})
             _keep_rows(project, ("points", number), table, sorted(set(range(len(table["rows"]))) - set(wrong)))
         _drop_empty(project, "points")
-
-
-def _with_rows(project: _Project) -> list[dict[str, Any]]:
-    return [table for table in project.tables("points") if "rows" in table]
 
 
 def _holds_height(table: Mapping[str, Any]) -> bool:
@@ -457,7 +452,8 @@ def _quantity(column: str, type_: str) -> Quantity | None:
         return None
     components = PLAIN_TYPES[type_].components if type_ else (*POINT.components, *ROTATION.components)
     known = {component.name: component.quantity for component in components}
-    known |= {**dict.fromkeys(_LENGTHS, LENGTH), "orientation": ANGLE}
+    lengths = ("height", "from_height", "to_height", "station_height", "at_height", "bx", "by", "bz")
+    known |= {**dict.fromkeys(lengths, LENGTH), "orientation": ANGLE}
     if column == "sigma":
         return components[0].quantity
     return known.get(column.removeprefix("sigma_").removeprefix("start_"))

@@ -48,17 +48,9 @@ from mor.types import FloatArray
 
 _REFRACTION = 0.12
 """Default of Comp3D's coefficient of refraction."""
-_HELD = {4: ("x", "y"), 5: ("x", "y"), 6: ("z",), 7: ("z",), 8: ("z",), 9: ("z",)}
 _OBSERVED = {1: (0, 1, 2), 2: (0, 1), 3: (2,), 5: (2,), 7: (0, 1), 9: (0, 1)}
 """Components of a point that are held, and that are observed, by its code."""
-_NOT_READ = {
-    2: "distances on the ellipsoid (2)",
-    18: "rotation axes (18)",
-    21: "equal height differences (21)",
-    22: "equal distances (22)",
-}
 _OFF = "observations that are switched off"
-_TYPES = {1: "distance", 3: "distance", 4: "height_difference", 6: "zenith_angle", 8: "bearing"}
 _COLUMNS = {
     "directions": ("station", "set", "to", "horizontal", "sigma"),
     "zenith_angle": ("from", "to", "zenith_angle", "from_height", "to_height", "sigma"),
@@ -72,19 +64,6 @@ _IN_FRAMES = {
     "directions": (*("station", "to", "horizontal", "vertical"), *("sigma_horizontal", "sigma_vertical", "to_height")),
     "distance": ("from", "to", "distance", "to_height", "sigma"),
 }
-_ROOT = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
-_SETTING = re.compile(
-    r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
-    r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
-)
-_VERSION = re.compile(r'"COMP3D_VERSION"\s*:\s*"[^"]*?v(\d+)\.(\d+)')
-_SPATIAL = (5, 23)
-"""The first version in which σ of a horizontal angle depends on the spatial distance."""
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-_ON_A_SPHERE = {8: "azimuths (8)"} | {code: f"differences of plan coordinates ({code})" for code in (9, 14, 15)}
-"""Codes that a project in a projection cannot have here: their north is that of the project's centre."""
-_VERTICAL = ("distance", "zenith_angle", "height_difference")
-"""Types that tell of heights."""
 _FIXED = 1e-6
 """σ (m) of a coordinate that is held in a projection while others of its point are not."""
 
@@ -98,9 +77,14 @@ def read_comp3d(path: Path) -> Document:
     project = path if path.suffix.lower() == ".comp" else _project_beside(path, draft)
     if project is not None:
         text = "\n".join(read_lines(project, draft))
-        settings = dict(_SETTING.findall(text))
-        version = _VERSION.search(text)
-        reader.horizontal = version is not None and (int(version[1]), int(version[2])) < _SPATIAL
+        setting = re.compile(
+            r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
+            r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
+        )
+        settings = dict(setting.findall(text))
+        version = re.search(r'"COMP3D_VERSION"\s*:\s*"[^"]*?v(\d+)\.(\d+)', text)
+        # The first version in which σ of a horizontal angle depends on the spatial distance.
+        reader.horizontal = version is not None and (int(version[1]), int(version[2])) < (5, 23)
         try:
             files = _named_files(project, text)
             reader.settings(settings)
@@ -125,7 +109,8 @@ def read_comp3d(path: Path) -> Document:
 
 def _named_files(project: Path, text: str) -> dict[str, Path]:
     """The files that a project names, by kind. Raises ``ValueError``."""
-    named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
+    root_file = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
+    named = {kind: json.loads(name) for kind, name in root_file.findall(text)}
     return {kind: project.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)}
 
 
@@ -235,14 +220,12 @@ class _Reader:
         if depth > 8:
             raise InputError([Message("files name each other in a circle", str(path))])
         for line, words in _words(path, self.draft):
-            try:
+            with self.draft.at(line, str(path)):
                 if words[0].startswith("@"):
                     name = words[0][1:] or (words[1] if len(words) > 1 else "")
                     self.file(path.parent / name.replace("\\", "/"), read, depth + 1)
                 else:
                     read(words, line, str(path))
-            except ValueError as error:
-                self.draft.problem(str(error), line, str(path))
 
     def settings(self, found: dict[str, str]) -> None:
         """Refraction and centre of a project. Raises ``ValueError``."""
@@ -271,8 +254,14 @@ class _Reader:
         if words[0] in ("#VERT", "#NEW"):  # MMVII: levelled stations, a new one of the same kind
             return
         code = _code(words)
-        if abs(code) in _NOT_READ:
-            self.leave_out(_NOT_READ[abs(code)], line, file)
+        not_read = {
+            2: "distances on the ellipsoid (2)",
+            18: "rotation axes (18)",
+            21: "equal height differences (21)",
+            22: "equal distances (22)",
+        }
+        if abs(code) in not_read:
+            self.leave_out(not_read[abs(code)], line, file)
         elif abs(code) in (11, 12, 19):
             if len(words) < 3 or not words[2].startswith("@"):
                 raise ValueError(f"found {' '.join(words[:4])!r}, expected a code, origin, @file")
@@ -395,57 +384,57 @@ class _Reader:
         distances, in_plan = self._distances()
         tables: dict[str, list[Row]] = {type_: [] for type_ in _COLUMNS}
         rounds: dict[str, int] = {}
+        types = {1: "distance", 3: "distance", 4: "height_difference", 6: "zenith_angle", 8: "bearing"}
+        # Codes that a project in a projection cannot have here: their north is that of the project's centre.
+        on_a_sphere = {8: "azimuths (8)"} | {code: f"differences of plan coordinates ({code})" for code in (9, 14, 15)}
         for code, words, line, file in self.observations:
             origin, target = words[1:3]
             if abs(code) == 7:
                 rounds[origin] = rounds.get(origin, 0) + 1
             if code < 0:
                 continue
-            if projected and code in _ON_A_SPHERE and (code != 9 or self.system is None):
-                self.leave_out(f"{_ON_A_SPHERE[code]} in a projection (use_proj)", line, file)
+            if projected and code in on_a_sphere and (code != 9 or self.system is None):
+                self.leave_out(f"{on_a_sphere[code]} in a projection (use_proj)", line, file)
                 continue
-            try:
+            with self.draft.at(line, file):
                 value, a, *rest = (parse_number(word) for word in words[3:8])
-            except ValueError as error:
-                self.draft.problem(str(error), line, file)
-                continue
-            if {origin, target} & self.ignored:
-                self.leave_out("observations of points that are ignored", line, file)
-                continue
-            b, *heights = [*rest, 0.0, 0.0, 0.0][:3]
-            if code == 9:
-                rows = self._centring(origin, target, a, b or a, line, file)
-                if projected and rows:
-                    name = f"{origin}@9.{len(self.centrings) + 1}"
-                    omega, phi = self._level_attitude(origin, [target])
-                    _, _, east, north, sigma_east, sigma_north = rows[0].cells
-                    self.centrings.append(
-                        (
-                            _row([name, origin, 1.0, omega, phi, 0.0], line),
-                            [Row([name, target, east, north, sigma_east, sigma_north], line)],
+                if {origin, target} & self.ignored:
+                    self.leave_out("observations of points that are ignored", line, file)
+                    continue
+                b, *heights = [*rest, 0.0, 0.0, 0.0][:3]
+                if code == 9:
+                    rows = self._centring(origin, target, a, b or a, line, file)
+                    if projected and rows:
+                        name = f"{origin}@9.{len(self.centrings) + 1}"
+                        omega, phi = self._level_attitude(origin, [target])
+                        _, _, east, north, sigma_east, sigma_north = rows[0].cells
+                        self.centrings.append(
+                            (
+                                _row([name, origin, 1.0, omega, phi, 0.0], line),
+                                [Row([name, target, east, north, sigma_east, sigma_north], line)],
+                            )
                         )
-                    )
+                    else:
+                        tables["vector"] += rows
+                    continue
+                lengths = in_plan if self.horizontal and code in (5, 7, 8) else distances
+                length = lengths.get((origin, target)) or lengths.get((target, origin))
+                if b and not length:
+                    self.leave_out("parts of σ that depend on an unknown distance", line, file)
+                elif length:
+                    self.n_adjusted += b > 0.0 and {origin, target} <= self.adjusted.keys()
+                    a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
+                if a <= 0.0:
+                    self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)
+                elif code in (5, 7):
+                    number = str(rounds.setdefault(origin, 1))
+                    tables["directions"].append(_row([origin, number, target, value, a], line))
+                elif code in (14, 15):
+                    partial = [value, None, a, None] if code == 14 else [None, value, None, a]
+                    tables["vector"].append(_row([origin, target, *partial], line))
                 else:
-                    tables["vector"] += rows
-                continue
-            lengths = in_plan if self.horizontal and code in (5, 7, 8) else distances
-            length = lengths.get((origin, target)) or lengths.get((target, origin))
-            if b and not length:
-                self.leave_out("parts of σ that depend on an unknown distance", line, file)
-            elif length:
-                self.n_adjusted += b > 0.0 and {origin, target} <= self.adjusted.keys()
-                a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
-            if a <= 0.0:
-                self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)
-            elif code in (5, 7):
-                number = str(rounds.setdefault(origin, 1))
-                tables["directions"].append(_row([origin, number, target, value, a], line))
-            elif code in (14, 15):
-                partial = [value, None, a, None] if code == 14 else [None, value, None, a]
-                tables["vector"].append(_row([origin, target, *partial], line))
-            else:
-                between = heights if code in (1, 3, 6) else []
-                tables[_TYPES[code]].append(_row([origin, target, value, *between, a], line))
+                    between = heights if code in (1, 3, 6) else []
+                    tables[types[code]].append(_row([origin, target, value, *between, a], line))
         return tables
 
     def _put_frames(self, projected: bool) -> set[str]:
@@ -481,7 +470,7 @@ class _Reader:
                 if point in self.ignored:
                     self.leave_out("observations of points that are ignored", line, str(frame.path))
                     continue
-                try:
+                with draft.at(line, str(frame.path)):
                     numbers = [parse_number(word) for word in rest]
                     found: dict[str, Row] = {}
                     if frame.code == 19:
@@ -490,12 +479,9 @@ class _Reader:
                         found = {"local": _cartesian(name, point, numbers, frame.factor, line)}
                     else:
                         found = _polar(frame, name, point, numbers, line)
-                except ValueError as error:
-                    draft.problem(str(error), line, str(frame.path))
-                    continue
-                names.add(point)
-                for type_, row in found.items():
-                    measured.setdefault((type_, str(frame.path)), []).append(row)
+                    names.add(point)
+                    for type_, row in found.items():
+                        measured.setdefault((type_, str(frame.path)), []).append(row)
         for (code, levelled, file), rows in frames.items():
             held = ["scale", "omega", "phi"] if levelled else ["scale"]
             if code == 11:
@@ -565,9 +551,12 @@ class _Reader:
         datum, flat = False, 0
         groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
         used = centred | {name for rows in tables.values() for row in rows for name in _ends(row)}
-        with_height = in_frames | {name for type_ in _VERTICAL for row in tables[type_] for name in _ends(row)}
+        # Types that tell of heights.
+        vertical = ("distance", "zenith_angle", "height_difference")
+        with_height = in_frames | {name for type_ in vertical for row in tables[type_] for name in _ends(row)}
+        held_by_code = {4: ("x", "y"), 5: ("x", "y"), 6: ("z",), 7: ("z",), 8: ("z",), 9: ("z",)}
         for name, point in self.points.items():
-            sigma: list[float | None] = [0.0 if axis in _HELD.get(point.code, ()) else None for axis in "xyz"]
+            sigma: list[float | None] = [0.0 if axis in held_by_code.get(point.code, ()) else None for axis in "xyz"]
             for k in () if free else _OBSERVED.get(point.code, ()):
                 if point.sigmas[k] >= 0.0:
                     sigma[k] = point.sigmas[k]
@@ -674,7 +663,8 @@ def _baseline(frame: _Frame, point: str, numbers: list[float], line: int) -> lis
     if len(numbers) < 9:
         raise ValueError(f"found {len(numbers)} numbers behind {point}, expected dx, dy, dz and six covariances")
     matrix = np.zeros((3, 3))
-    for (i, j), value in zip(_UPPER, numbers[3:9], strict=True):
+    upper = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    for (i, j), value in zip(upper, numbers[3:9], strict=True):
         matrix[i, j] = matrix[j, i] = value * frame.factor**2
     if matrix.diagonal().min() < 0.0:
         return []

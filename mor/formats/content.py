@@ -122,19 +122,14 @@ class Content(NamedTuple):
 
 def refuse_control_characters(name: str, cells: pl.Series, rows: Rows) -> None:
     """Tell names with characters that XML forbids and text files break lines at."""
-    odd = cells.str.contains(_CONTROL).fill_null(False).to_numpy()
+    # Characters that end a line, or that XML 1.0 has no place for.
+    control = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
+    odd = cells.str.contains(control).fill_null(False).to_numpy()
 
     def words(row: int) -> str:
         return f"{name}: found {cells[row]!r}, expected a name without control characters; rename it"
 
     rows.tell_where(odd, words)
-
-
-_CONTROL = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
-"""Characters that end a line, or that XML 1.0 has no place for."""
-
-
-_CONTROL_IN_TITLE = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
 
 
 def _given(rows: Rows, name: str) -> int:
@@ -146,9 +141,10 @@ def _given(rows: Rows, name: str) -> int:
 def content_of(document: Document, folder: Path) -> Content:
     """The content of a document whose tables are found from ``folder``. Raises :class:`InputError`."""
     project = validate(document)
-    title = " ".join(re.sub(_CONTROL_IN_TITLE, " ", project.title).split())
+    control_in_title = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
+    title = " ".join(re.sub(control_in_title, " ", project.title).split())
     names = [*project.cameras, *project.instruments, *(table.group or "" for table in project.points)]
-    odd = next((name for name in names if re.search(_CONTROL_IN_TITLE, name)), None)
+    odd = next((name for name in names if re.search(control_in_title, name)), None)
     if odd is not None:
         words = f"found the name {odd!r}, expected one without control characters; rename it"
         raise InputError([Message(words, document.file)])
@@ -171,20 +167,18 @@ def points(content: Content) -> ContentTable:
     return _joined(parts, len(POINT.components), ())
 
 
-_IMAGE_TEXTS = ("camera", "position", "leader", "pair", "shared_height", "shared_eccentricity")
-
-
 def images(content: Content) -> ContentTable:
     """All images with x, y, z, ω, φ, κ. Raises :class:`InputError`."""
     components: tuple[Component, ...] = (*POINT.components, *ROTATION.components)
     parts = []
+    image_texts = ("camera", "position", "leader", "pair", "shared_height", "shared_eccentricity")
     for k, table in enumerate(content.project.images):
-        columns = [Column("id", required=True), *(Column(name) for name in _IMAGE_TEXTS)]
+        columns = [Column("id", required=True), *(Column(name) for name in image_texts)]
         columns += component_columns(components, content.edge)
         rows = content.rows("images", k, table, columns)
         statuses = component_rows(rows, components, table.fixed)
-        parts.append(ContentTable(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses))
-    return _joined(parts, len(components), _IMAGE_TEXTS)
+        parts.append(ContentTable(rows.text("id"), {name: rows.text(name) for name in image_texts}, statuses))
+    return _joined(parts, len(components), image_texts)
 
 
 def _joined(parts: list[ContentTable], size: int, texts: tuple[str, ...]) -> ContentTable:
@@ -255,8 +249,7 @@ def _image_points(
         scale, mine = scales[name], used == name
         pixel = 1.0 if scale.unit == "px" else scale.pixel
         if np.isnan(pixel) or (corner and np.isnan(scale.centre[0])):
-            words = f"camera {name!r} has no image: {{width, height}}, which this needs"
-            raise InputError([place.problem(words)])
+            raise InputError([place.problem(f"camera {name!r} has no image: {{width, height}}, which this needs")])
         units = [unit_of(entry, column, scale) for column in ("x", "sigma")]
         given[mine] = _pixels(given[mine] * scale.factor(units[0]) / pixel, scale, corner)
         sigma[mine] *= scale.factor(units[1]) / pixel
@@ -293,8 +286,7 @@ def block(content: Content, what: str, found: ContentTable, corner: bool = True)
     used = dict(zip(found.ids, found.texts["camera"], strict=True))
     rays = image_points(content, used, corner)
     if not rays.images:
-        words = f"{what} has image blocks; this project has no image points"
-        raise InputError([Message(words, content.document.file)])
+        raise InputError([Message(f"{what} has image blocks; this project has no image points", content.document.file)])
     return ImageBlock(found, with_undeclared(content, places, rays.points), rays)
 
 
@@ -335,8 +327,7 @@ def with_undeclared(content: Content, places: ContentTable, named: Iterable[str]
     if not more:
         return places
     if content.project.settings.undeclared_points != "free":
-        words = f"point {more[0]!r} is not among the points"
-        raise InputError([Message(words, content.document.file)])
+        raise InputError([Message(f"point {more[0]!r} is not among the points", content.document.file)])
     nothing = np.full((len(more), 3), np.nan)
     theirs = Statuses(nothing, np.ones(nothing.shape, dtype=bool), nothing, nothing)
     both = Statuses(*(np.concatenate(pair) for pair in zip(places.statuses, theirs, strict=True)))
@@ -384,9 +375,6 @@ def rays_of_points(
     return some_rays(rays, chosen), [Message(words, content.document.file)]
 
 
-_SECTIONS = ("stations", "systems", "features", "instruments", "pairs", "checks", "trajectories", "line_times")
-
-
 def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str) -> list[Message]:
     """Return counted notes on observations, sections and columns that a format cannot hold."""
     project, file = content.project, content.document.file
@@ -394,7 +382,8 @@ def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, .
     for entry in project.observations:
         if entry.type not in types:
             notes.append(f"observations {entry.name or entry.type} ({entry.type})")
-    for section in _SECTIONS:
+    of_others = ("stations", "systems", "features", "instruments", "pairs", "checks", "trajectories", "line_times")
+    for section in of_others:
         found = getattr(project, section)
         if found and section not in sections:
             notes.append(counted(len(found), f"entry of {section}", f"entries of {section}"))

@@ -18,15 +18,6 @@ from mor.project.document import Document
 # and P with the signs of its functions, the opposite of those it reports (and of PhotoModeler's, which
 # ``brown`` has).
 
-_MODELS = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown-5", "-1": "brown-forward"}
-"""mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity."""
-_AFFINE = ("3", "4", "5")
-_UNITS = ("mm", "um", "m")
-_KNOWN = (
-    *("id", "name", "unit", "sensor", "image", "aspect", "nK", "nP", "focal", "model"),
-    *("cc", "pp", "K", "P", "skew", "all", "calibrated", "c"),
-)
-
 
 class LineReference(NamedTuple):
     """A line of a file."""
@@ -103,7 +94,10 @@ def put_cameras(elements: list[tuple[Element, str]], initial: dict[str, Element]
         own = {child.name: child for child in element.children}
         name = own["id"].text.strip() if "id" in own else str(len(cameras) + 1)
         for child in element.children:
-            if child.name not in _KNOWN:
+            if child.name not in (
+                *("id", "name", "unit", "sensor", "image", "aspect", "nK", "nP", "focal", "model"),
+                *("cc", "pp", "K", "P", "skew", "all", "calibrated", "c"),
+            ):
                 draft.note(f"<{child.name}> of camera {name} is not read", child.line, file)
         if name in cameras:
             draft.problem(f"camera {name!r} is there already", element.line, file)
@@ -121,11 +115,14 @@ def put_cameras(elements: list[tuple[Element, str]], initial: dict[str, Element]
 def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, Any]:
     own = texts.own
     model, where = texts.model()
-    if model not in _MODELS:
-        raise CameraError(f"found the model {model!r}, expected one of {', '.join(_MODELS)}", where)
+    # mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity.
+    models = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown-5", "-1": "brown-forward"}
+    if model not in models:
+        raise CameraError(f"found the model {model!r}, expected one of {', '.join(models)}", where)
     unit = own["unit"].text.strip() if "unit" in own else "mm"
-    if unit not in _UNITS:
-        raise CameraError(f"found the unit {unit!r}, expected one of {', '.join(_UNITS)}", texts.at(own["unit"]))
+    units = ("mm", "um", "m")
+    if unit not in units:
+        raise CameraError(f"found the unit {unit!r}, expected one of {', '.join(units)}", texts.at(own["unit"]))
     columns, rows, width, height, b1 = _format(texts, name, draft)
     pixel = height / rows
     text, place = texts.find("cc")
@@ -142,11 +139,12 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
     if py > 0.0:
         draft.note(f"camera {name}: y of pp is above 0, so it is counted downwards", *texts.find("pp")[1])
         py = -py
-    if model not in _AFFINE:
+    affine = ("3", "4", "5")
+    if model not in affine:
         free = free - {"b1", "b2"}
     across = columns * pixel * (1.0 + b1 if model == "5" else 1.0)
     values = {"c": c, "xh": px - across / 2.0, "yh": height / 2.0 + py}
-    if model in _AFFINE:
+    if model in affine:
         values |= {"b1": b1, "b2": texts.numbers("skew", [0.0], 1)[0]}
     elif b1 or texts.numbers("skew", [0.0], 1)[0]:
         words = f"camera {name}: model {model} has no affinity; its aspect and skew are not used"
@@ -158,7 +156,7 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
         if key in known
     }
     image = {"width": f"{columns:.0f}", "height": f"{rows:.0f}", "pixel": f"{pixel!r} {unit}"}
-    return {"model": _MODELS[model], "unit": unit, "coordinates": "corner", "image": image, "interior": interior}
+    return {"model": models[model], "unit": unit, "coordinates": "corner", "image": image, "interior": interior}
 
 
 def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float, float, float]:
@@ -209,44 +207,35 @@ def _distortion(texts: Texts, values: dict[str, float]) -> set[str]:
 
 # ---- Read the settings of a DBAT script: estimated parameters and start values of the camera.
 
-INTERIOR = ("c", "xh", "yh", "b1", "b2", "K1", "K2", "K3", "P1", "P2")
 EXTERIOR = ("x", "y", "z", "omega", "phi", "kappa")
-_NAMES = {
-    "cc": ("c",),
-    "pp": ("xh", "yh"),
-    "px": ("xh",),
-    "py": ("yh",),
-    "aspect": ("b1",),
-    "skew": ("b2",),
-    "K": ("K1", "K2", "K3"),
-    "P": ("P1", "P2"),
-    "all": INTERIOR,
-    **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
-}
-_OUTSIDE = {"all": EXTERIOR, "pos": EXTERIOR[:3], "angles": EXTERIOR[3:], **{axis: (axis,) for axis in "xyz"}}
 
 
 def operations(root: Element, *names: str) -> Iterator[Element]:
     """Elements of some names anywhere in the operations, in their order."""
     for part in root.all("operations"):
-        yield from _inside(part, names)
-
-
-def _inside(element: Element, names: tuple[str, ...]) -> Iterator[Element]:
-    for child in element.children:
-        if child.name in names:
-            yield child
-        elif child.name != "c":
-            yield from _inside(child, names)
+        yield from part.inside(*names, but="c")
 
 
 def free_interior(root: Element, draft: Draft) -> set[str]:
     """Components of the interior orientation that the script estimates; none where it says nothing."""
     free: set[str] = set()
     said = False
-    for section, given in _settings(root, "io", _NAMES, draft):
+    interior = ("c", "xh", "yh", "b1", "b2", "K1", "K2", "K3", "P1", "P2")
+    names_of_kind = {
+        "cc": ("c",),
+        "pp": ("xh", "yh"),
+        "px": ("xh",),
+        "py": ("yh",),
+        "aspect": ("b1",),
+        "skew": ("b2",),
+        "K": ("K1", "K2", "K3"),
+        "P": ("P1", "P2"),
+        "all": interior,
+        **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
+    }
+    for section, given in _settings(root, "io", names_of_kind, draft):
         said = True
-        chosen = set(_NAMES[section])
+        chosen = set(names_of_kind[section])
         free = free | chosen if given == "true" else free - chosen
     if not said:
         draft.note("the script sets no estimated parameters of the camera: its interior orientation is fixed")
@@ -256,8 +245,9 @@ def free_interior(root: Element, draft: Draft) -> set[str]:
 def held_exterior(root: Element, draft: Draft) -> set[str]:
     """Components of the poses that the script does not estimate."""
     held: set[str] = set()
-    for section, given in _settings(root, "eo", _OUTSIDE, draft):
-        chosen = set(_OUTSIDE[section])
+    outside = {"all": EXTERIOR, "pos": EXTERIOR[:3], "angles": EXTERIOR[3:], **{axis: (axis,) for axis in "xyz"}}
+    for section, given in _settings(root, "eo", outside, draft):
+        chosen = set(outside[section])
         held = held | chosen if given == "false" else held - chosen
     return held
 
@@ -297,9 +287,6 @@ def initial_values(root: Element) -> dict[str, Element]:
 
 # ---- Text tables of a DBAT project: where they are, columns by their declared format, ids that a filter leaves.
 
-_TEXTS = ("id", "im", "cam", "label", "path")
-_SKIPPED = ("ignored", "dummy")
-
 
 class TableLine(NamedTuple):
     """A line of a table: cells by their column, and where it stands."""
@@ -315,7 +302,8 @@ def table_of(
     """Lines of the file that a ``<file format="…">`` names; mistakes are told with the line they are in."""
     path = path_of(given, folder, draft)
     form = [name.strip() for name in given.attributes.get("format", "").split(",")]
-    known = (*columns, *_SKIPPED)
+    skipped = ("ignored", "dummy")
+    known = (*columns, *skipped)
     wrong = [name for name in form if name not in known]
     missing = [name for name in required if name not in form]
     if wrong or missing:
@@ -336,7 +324,7 @@ def table_of(
             words = f"found {len(cells)} columns, expected {len(form)}: {', '.join(form)}"
             draft.problem(words, count, str(path))
             continue
-        row = {name: cell for name, cell in zip(form, cells, strict=True) if name not in _SKIPPED}
+        row = {name: cell for name, cell in zip(form, cells, strict=True) if name not in skipped}
         if _plain(row, count, str(path), draft):
             rows.append(TableLine(row, count, str(path)))
     return rows
@@ -344,11 +332,12 @@ def table_of(
 
 def _plain(row: dict[str, str], line: int, file: str, draft: Draft) -> bool:
     """Return True if names are there and the rest are numbers."""
+    texts = ("id", "im", "cam", "label", "path")
     try:
         for name, cell in row.items():
             if name in ("id", "im") and not cell:
                 raise ValueError(f"found no {name}")
-            if name not in _TEXTS and parse_number(cell) < 0.0 and name.startswith("s"):
+            if name not in texts and parse_number(cell) < 0.0 and name.startswith("s"):
                 raise ValueError(f"found the σ {cell}, expected 0 or more")
     except ValueError as error:
         draft.problem(str(error), line, file)
@@ -406,15 +395,6 @@ def sigmas(row: TableLine) -> list[str | None]:
 # Adjustment Toolbox*, its demonstration scripts and the descriptions of its input.
 
 _CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz")
-_MARKS = ("id", "im", "x", "y", "sx", "sy", "sxy")
-_POSES = ("id", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz", "omega", "phi", "kappa", "so", "sp", "sk")
-_ANGLES = {"degrees": "deg", "gon": "gon", "radian": "rad"}
-_READ = ("ctrl_pts", "check_pts", "images", "image_pts", "cameras", "prior_eo", "c")
-SIGMA = "1"
-"""σ of image coordinates, px, where the script and its tables have none."""
-
-SIGMA_CHECK = "0.001"
-"""σ of check points, m, where their table has none."""
 
 
 def read_dbat(path: Path) -> Document:
@@ -427,8 +407,9 @@ def read_dbat(path: Path) -> Document:
         raise InputError([Message(words, draft.file, root.line)])
     folder = base_folder(given, path, draft)
     sections = {child.name: child for child in given.children}
+    read = ("ctrl_pts", "check_pts", "images", "image_pts", "cameras", "prior_eo", "c")
     for child in given.children:
-        if child.name not in _READ:
+        if child.name not in read:
             draft.note(f"<{child.name}> is not read", child.line)
     names = [name.text.strip() for meta in root.all("meta") for name in meta.all("name")]
     draft.put("title", next((name for name in names if name), path.stem))
@@ -461,9 +442,10 @@ def _angle_unit(section: Element | None, draft: Draft) -> str:
         return "deg"
     text = given.attributes.get("units", "")
     turned = any(name in given.attributes.get("format", "") for name in EXTERIOR[3:])
-    if text in _ANGLES or (not text and not turned):
-        return _ANGLES.get(text, "deg")
-    draft.problem(f"found units={text!r} of the angles, expected one of {', '.join(_ANGLES)}", given.line)
+    angles = {"degrees": "deg", "gon": "gon", "radian": "rad"}
+    if text in angles or (not text and not turned):
+        return angles.get(text, "deg")
+    draft.problem(f"found units={text!r} of the angles, expected one of {', '.join(angles)}", given.line)
     return "deg"
 
 
@@ -496,7 +478,8 @@ def _put_images(sections: dict[str, Element], root: Element, folder: Path, draft
         return {}
     rows = table_of(given, folder, ("id", "label", "path", "cam"), ("id",), draft)
     prior = _file(sections.get("prior_eo"), draft)
-    poses = {row.cells["id"]: row for row in table_of(prior, folder, _POSES, ("id",), draft)} if prior else {}
+    columns_of_poses = ("id", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz", "omega", "phi", "kappa", "so", "sp", "sk")
+    poses = {row.cells["id"]: row for row in table_of(prior, folder, columns_of_poses, ("id",), draft)} if prior else {}
     names = _names(rows, draft)
     single = next(iter(draft.data["cameras"])) if len(draft.data["cameras"]) == 1 else "1"
     table = []
@@ -560,15 +543,11 @@ def _put_control(sections: dict[str, Element], folder: Path, draft: Draft) -> se
     if table:
         columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
         draft.table("points", columns, table, rows[0].file, group="control")
-        _note_labels(rows, draft)
+        labelled = [row for row in rows if row.cells.get("label")]
+        if labelled:
+            words = f"labels of control points are not carried: they keep their ids ({labelled[0].cells['id']}"
+            draft.note(f"{words} is {labelled[0].cells['label']})", labelled[0].line, labelled[0].file)
     return {row.cells["id"] for row in rows}
-
-
-def _note_labels(rows: list[TableLine], draft: Draft) -> None:
-    labelled = [row for row in rows if row.cells.get("label")]
-    if labelled:
-        words = f"labels of control points are not carried: they keep their ids ({labelled[0].cells['id']}"
-        draft.note(f"{words} is {labelled[0].cells['label']})", labelled[0].line, labelled[0].file)
 
 
 def _put_marks(given: Element, folder: Path, images: dict[str, str], control: set[str], draft: Draft) -> None:
@@ -577,8 +556,9 @@ def _put_marks(given: Element, folder: Path, images: dict[str, str], control: se
     files = [file for section in given.all("image_pts") for file in section.all("file")]
     if not files:
         draft.problem("found no <image_pts> with a <file> in <input>")
+    columns_of_marks = ("id", "im", "x", "y", "sx", "sy", "sxy")
     for file in files:
-        rows = table_of(file, folder, _MARKS, ("id", "im", "x", "y"), draft)
+        rows = table_of(file, folder, columns_of_marks, ("id", "im", "x", "y"), draft)
         used = [row for row in rows if row.cells["im"] in images]
         if len(used) < len(rows):
             first = next(row for row in rows if row.cells["im"] not in images)
@@ -602,14 +582,16 @@ def _mark(row: TableLine, file: Element, images: dict[str, str], draft: Draft) -
     given = [file.attributes.get(name, plane) for name in ("sx", "sy")]
     own = sigmas(row)[:2]
     sigma = [a if a is not None else b for a, b in zip(given, own, strict=True)]
+    # σ of image coordinates, px, where the script and its tables have none.
+    usual_sigma = "1"
     for k, text in enumerate(sigma):
         try:
             good = text is not None and float(text) > 0.0
         except ValueError:
             good = False
         if not good:
-            sigma[k] = SIGMA
-            words = f"image points without a σ above 0 have σ = {SIGMA} px"
+            sigma[k] = usual_sigma
+            words = f"image points without a σ above 0 have σ = {usual_sigma} px"
             if not any(note.message == words and note.line == file.line for note in draft.notes):
                 draft.note(words, file.line)
     cells = row.cells
@@ -629,10 +611,12 @@ def _put_checks(sections: dict[str, Element], folder: Path, draft: Draft) -> Non
         words = f"{counted(len(lost), 'check point')} in no image not used: the first is {lost[0].cells['id']}"
         draft.note(words, lost[0].line, lost[0].file)
     used = [row for row in rows if row.cells["id"] in known]
-    given_ = [[s if s is not None and float(s) > 0.0 else SIGMA_CHECK for s in sigmas(row)] for row in used]
+    # σ of check points, m, where their table has none.
+    sigma_check = "0.001"
+    given_ = [[s if s is not None and float(s) > 0.0 else sigma_check for s in sigmas(row)] for row in used]
     bare = [row for row in used if any(s is None or float(s) == 0.0 for s in sigmas(row))]
     if bare:
-        words = f"{counted(len(bare), 'check point')} without a σ above 0: σ = {SIGMA_CHECK} m"
+        words = f"{counted(len(bare), 'check point')} without a σ above 0: σ = {sigma_check} m"
         draft.note(f"{words}; what is compared is the difference, not its test", bare[0].line, bare[0].file)
     table = [
         Row([row.cells["id"], *(row.cells[axis] for axis in "xyz"), *sigma], row.line)

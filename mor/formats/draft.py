@@ -255,6 +255,14 @@ class Element:
         """Children of a name."""
         return [child for child in self.children if child.name == name]
 
+    def inside(self, *names: str, but: str = "") -> Iterator[Element]:
+        """Elements of these names at any depth, the outermost of each branch; not those below an element ``but``."""
+        for child in self.children:
+            if child.name in names:
+                yield child
+            elif child.name != but:
+                yield from child.inside(*names, but=but)
+
 
 class _EntityError(Exception):
     """An entity declaration was met."""
@@ -304,8 +312,6 @@ def parse_xml(content: bytes, file: str) -> Element:
 
 # ---- Longitude, latitude and height on WGS84 as east, north, up about a reference point: exact, without a projection.
 
-_AXIS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
-
 
 def east_north_up(places: FloatArray, reference: FloatArray) -> FloatArray:
     """East, north, up (n, 3), m, of latitudes, longitudes (degrees) and heights (m) (n, 3) about ``reference`` (3,)."""
@@ -323,8 +329,9 @@ def east_north_up(places: FloatArray, reference: FloatArray) -> FloatArray:
 def geocentric(places: FloatArray) -> FloatArray:
     """Geocentric coordinates (n, 3), m, of latitudes, longitudes (degrees) and heights (m) (n, 3)."""
     lat, lon = np.radians(places[:, 0]), np.radians(places[:, 1])
-    e2 = _FLATTENING * (2.0 - _FLATTENING)
-    normal = _AXIS / np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
+    axis, flattening = 6378137.0, 1.0 / 298.257223563
+    e2 = flattening * (2.0 - flattening)
+    normal = axis / np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
     across = (normal + places[:, 2]) * np.cos(lat)
     up = (normal * (1.0 - e2) + places[:, 2]) * np.sin(lat)
     return np.stack([across * np.cos(lon), across * np.sin(lon), up], axis=1)

@@ -24,21 +24,11 @@ from mor.types import FloatArray, IntArray
 
 # ---- Draw a project: points with their σ if results exist, images, lines of sight.
 
-_LINES = {
-    "distance": ("from", "to"),
-    "horizontal_distance": ("from", "to"),
-    "height_difference": ("from", "to"),
-    "vector": ("from", "to"),
-    "bearing": ("from", "to"),
-    "azimuth": ("from", "to"),
-    "astronomic_azimuth": ("from", "to"),
-    "gnss_vector": ("from", "to"),
-    "ellipsoid_arc": ("from", "to"),
-    "ellipsoid_chord": ("from", "to"),
-    "mean_sea_level_distance": ("from", "to"),
-    "zenith_angle": ("from", "to"),
-    "vertical_direction": ("from", "to"),
-}
+_LINES = (
+    *("distance", "horizontal_distance", "height_difference", "vector", "bearing", "azimuth", "astronomic_azimuth"),
+    *("gnss_vector", "ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance", "zenith_angle"),
+    "vertical_direction",
+)
 """Observations between two points, which a drawing shows as lines."""
 
 
@@ -114,8 +104,7 @@ def drawing_in_metres(document: Document, folder: Path) -> Drawing:
     """The drawing of a project that is not in latitude and longitude. Raises :class:`InputError`."""
     shown = drawing(document, folder)
     if shown.degrees:
-        words = "latitude and longitude cannot be drawn in metres; geojson has them"
-        raise InputError([Message(words, document.file)])
+        raise InputError([Message("latitude and longitude cannot be drawn in metres; geojson has them", document.file)])
     return shown
 
 
@@ -187,16 +176,15 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
     """Pairs of points that observations connect, each once."""
     found: dict[tuple[str, str], None] = {}
     for number, entry in enumerate(content.project.observations):
-        ends = _LINES.get(entry.type)
-        if ends is None:
+        if entry.type not in _LINES:
             continue
         place = content.place("observations", number)
         source = from_rows(entry, place) if entry.rows is not None else from_file(entry, {}, place)
         if source is None or place.problems:
             raise InputError(place.problems)
-        if not set(ends) <= set(source.columns):
+        if not {"from", "to"} <= set(source.columns):
             continue
-        first, second = (source.columns[end].cast(pl.String).to_list() for end in ends)
+        first, second = (source.columns[end].cast(pl.String).to_list() for end in ("from", "to"))
         for pair in zip(first, second, strict=True):
             if set(pair) <= known and pair[::-1] not in found:
                 found[pair] = None
@@ -204,9 +192,6 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
 
 
 # ---- DXF: points, names, projection centres, observed lines and error ellipses, each on a layer of its own.
-
-LAYERS = {"points": 7, "names": 7, "images": 5, "observations": 8, "ellipses": 1}
-"""Layers and their colours (AutoCAD colour index)."""
 
 
 def write_dxf(document: Document, folder: Path, target: Path) -> Written:
@@ -219,7 +204,8 @@ def write_dxf(document: Document, folder: Path, target: Path) -> Written:
     shown = drawing_in_metres(document, folder)
     sheet = new("R2010", setup=False)
     sheet.header["$INSUNITS"] = 6
-    for name, colour in LAYERS.items():
+    # Layers and their colours (AutoCAD colour index).
+    for name, colour in {"points": 7, "names": 7, "images": 5, "observations": 8, "ellipses": 1}.items():
         sheet.layers.add(name, color=colour)
     space = sheet.modelspace()
     extent = float(np.ptp(shown.xyz[:, :2], axis=0).max()) or 1.0

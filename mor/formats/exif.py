@@ -15,10 +15,6 @@ from mor.input_files import check_regular, note_input
 from mor.project.document import Document
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png", ".webp", ".heic")
-SIGMA_PLAN, SIGMA_HEIGHT = 5.0, 10.0
-"""σ of positions that say no accuracy, m: those of a camera's own receiver."""
-_EXIF_PART, _GPS_PART = 0x8769, 0x8825
-_MAKE, _MODEL, _FOCAL, _FOCAL_35 = 0x010F, 0x0110, 0x920A, 0xA405
 
 
 class Photograph(NamedTuple):
@@ -65,17 +61,19 @@ def _photograph(path: Path) -> Photograph:
     except ImportError:
         words = "photographs need the extra formats: pip install 'mor-adjustment[formats]'"
         raise InputError([Message(words, str(path))]) from None
+    exif_part, gps_part = 0x8769, 0x8825
     try:
         with warnings.catch_warnings(), Image.open(path) as picture:
             warnings.simplefilter("ignore")
             width, height = picture.size
             exif = picture.getexif()
-            inner, gps = dict(exif.get_ifd(_EXIF_PART)), dict(exif.get_ifd(_GPS_PART))
+            inner, gps = dict(exif.get_ifd(exif_part)), dict(exif.get_ifd(gps_part))
     except Exception as error:  # noqa: BLE001 - damaged pictures end in errors of all kinds
         raise InputError([Message(f"this picture cannot be read: {error}", str(path))]) from None
-    make, model = (str(exif.get(tag, "")).strip("\0 ") for tag in (_MAKE, _MODEL))
+    tag_of_make, tag_of_model, tag_of_focal, tag_of_focal_35 = 0x010F, 0x0110, 0x920A, 0xA405
+    make, model = (str(exif.get(tag, "")).strip("\0 ") for tag in (tag_of_make, tag_of_model))
     model = model if model.startswith(make) else f"{make} {model}".strip()
-    focal, wide = (_number(inner.get(tag)) for tag in (_FOCAL, _FOCAL_35))
+    focal, wide = (_number(inner.get(tag)) for tag in (tag_of_focal, tag_of_focal_35))
     return Photograph(path, (model, width, height, focal, wide), _place(gps), _number(gps.get(31)))
 
 
@@ -129,11 +127,13 @@ def _rows(
     local = east_north_up(places, places[0]) if len(located) else places
     at = {photograph.path: place for photograph, place in zip(located, local.tolist(), strict=True)}
     rows = []
+    # σ of positions that say no accuracy, m: those of a camera's own receiver.
+    sigma_plan, sigma_height = 5.0, 10.0
     for photograph in photographs:
         camera = _name(groups.index(photograph.camera) + 1, photograph.camera)
         place = at.get(photograph.path)
-        plan = photograph.accuracy or SIGMA_PLAN
-        sigma = [plan, plan, 2.0 * plan if photograph.accuracy else SIGMA_HEIGHT]
+        plan = photograph.accuracy or sigma_plan
+        sigma = [plan, plan, 2.0 * plan if photograph.accuracy else sigma_height]
         cells = [None] * 6 if place is None else [repr(v) for v in (*place, *sigma)]
         rows.append(Row([photograph.path.name, camera, *cells], 0))
     if located:

@@ -39,10 +39,8 @@ _INSERT = re.compile(r'INSERT\s+INTO\s+(?:"?\w+"?\.)?"(\w+)"\s+VALUES\s*\((.*)\)
 _VALUE = re.compile(r"\s*('(?:[^']|'')*'|[^',]*)\s*(,|$)")
 _TYPES = {"1": "height_difference", "2": "directions", "3": "horizontal_distance", "4": "distance", "5": "zenith_angle"}
 """Types of observations by JAG3D's numbers; 6 to 8 are GNSS."""
-_SIGMA = {"directions": "5e-6", "zenith_angle": "5e-6"}
 SIGMA_LENGTH = "0.002"
-"""σ (rad, m) where neither a row, or line, nor its group says any."""
-_FIXED, _OBSERVED, _DATUM = "1", "2", "3"
+"""σ (m) where neither a row, or line, nor its group says any."""
 _COLUMNS = {
     "height_difference": ("from", "to", "dz", "sigma"),
     "directions": ("station", "set", "to", "horizontal", "sigma"),
@@ -50,7 +48,6 @@ _COLUMNS = {
     "distance": ("from", "to", "distance", "sigma", "from_height", "to_height"),
     "zenith_angle": ("from", "to", "zenith_angle", "sigma", "from_height", "to_height"),
 }
-_LEFT_OUT = ("GNSSObservationApriori", "CongruenceAnalysisPointPairApriori", "VerticalDeflectionApriori")
 
 
 @dataclass
@@ -83,7 +80,8 @@ def read_jag3d_script(path: Path) -> Document:
         _put_observations(script, draft)
     except KeyError as error:
         draft.problem(f"found no column {error} in a table of the project")
-    for name in _LEFT_OUT:
+    left_out = ("GNSSObservationApriori", "CongruenceAnalysisPointPairApriori", "VerticalDeflectionApriori")
+    for name in left_out:
         if script.of(name):
             draft.note(f"{counted(len(script.of(name)), 'row')} of {name} not read", script.of(name)[0][1])
     return draft.finish()
@@ -148,6 +146,7 @@ def _put_points(script: Script, draft: Draft) -> None:
     tables: dict[tuple[str, str], list[Row]] = {}
     datum: list[str] = []
     off = 0
+    is_fixed, is_observed, is_datum = "1", "2", "3"
     for row, line in script.of("PointApriori"):
         group = groups.get(row["group_id"])
         if group is None or not _on(row):
@@ -155,19 +154,16 @@ def _put_points(script: Script, draft: Draft) -> None:
             continue
         size = group["dimension"] if group["dimension"] in AXES else "3"
         axes = {"x": "y", "y": "x", "z": "z"}
-        try:
+        with draft.at(line, name=f"point {row['name']!r}"):
             place = [repr(parse_number(row[f"{axes[axis]}0"])) for axis in AXES[size]]
             sigma = [_sigma_of(row[f"sigma_{axes[axis]}0"]) for axis in AXES[size]]
-        except ValueError as error:
-            draft.problem(f"point {row['name']!r}: {error}", line)
-            continue
-        own = sigma if group["type"] == _OBSERVED else []
-        tables.setdefault((group["type"], size), []).append(Row([row["name"], *place, *own], line))
-        datum += [row["name"]] if group["type"] == _DATUM else []
+            own = sigma if group["type"] == is_observed else []
+            tables.setdefault((group["type"], size), []).append(Row([row["name"], *place, *own], line))
+            datum += [row["name"]] if group["type"] == is_datum else []
     for (type_, size), rows in tables.items():
         axes_of = AXES[size]
-        columns = ("id", *axes_of, *(f"sigma_{axis}" for axis in axes_of if type_ == _OBSERVED))
-        draft.table("points", columns, rows, fixed=list(axes_of) if type_ == _FIXED else [])
+        columns = ("id", *axes_of, *(f"sigma_{axis}" for axis in axes_of if type_ == is_observed))
+        draft.table("points", columns, rows, fixed=list(axes_of) if type_ == is_fixed else [])
     if off:
         draft.note(f"{counted(off, 'point')} switched off")
     count = sum(map(len, tables.values()))
@@ -189,6 +185,8 @@ def _put_observations(script: Script, draft: Draft) -> None:
     stations: dict[tuple[str, str], int] = {}
     sets: Counter[str] = Counter()
     off, without = 0, 0
+    # σ (rad) where neither a row nor its group says any.
+    usual = {"directions": "5e-6", "zenith_angle": "5e-6"}
     for row, line in script.of("ObservationApriori"):
         group = groups.get(row["group_id"])
         type_ = _TYPES.get(group["type"]) if group is not None else None
@@ -196,26 +194,23 @@ def _put_observations(script: Script, draft: Draft) -> None:
             off += 1
             continue
         start, end = row["start_point_name"], row["end_point_name"]
-        try:
+        with draft.at(line):
             value, sigma = parse_number(row["value_0"]), parse_number(row["sigma_0"])
             heights = [parse_number(row[f"{kind}_height"]) for kind in ("instrument", "reflector")]
             if start == end:
                 raise ValueError(f"found {start!r} at both ends")
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        own = repr(sigma) if sigma > 0.0 else constant.get(row["group_id"], "")
-        without += not own
-        cells: list[str | None] = [start, end, repr(value), own or _SIGMA.get(type_, SIGMA_LENGTH)]
-        if type_ == "directions":
-            if (start, row["group_id"]) not in stations:
-                sets[start] += 1
-                stations[start, row["group_id"]] = sets[start]
-            number_ = stations[start, row["group_id"]]
-            cells.insert(1, None if number_ == 1 else str(number_))
-        if len(_COLUMNS[type_]) == 6:
-            cells += [repr(height) for height in heights]
-        tables.setdefault(type_, []).append(Row(cells, line))
+            own = repr(sigma) if sigma > 0.0 else constant.get(row["group_id"], "")
+            without += not own
+            cells: list[str | None] = [start, end, repr(value), own or usual.get(type_, SIGMA_LENGTH)]
+            if type_ == "directions":
+                if (start, row["group_id"]) not in stations:
+                    sets[start] += 1
+                    stations[start, row["group_id"]] = sets[start]
+                number_ = stations[start, row["group_id"]]
+                cells.insert(1, None if number_ == 1 else str(number_))
+            if len(_COLUMNS[type_]) == 6:
+                cells += [repr(height) for height in heights]
+            tables.setdefault(type_, []).append(Row(cells, line))
     for type_, rows in tables.items():
         draft.table("observations", _COLUMNS[type_], rows, type=type_)
     if not tables:
@@ -223,7 +218,7 @@ def _put_observations(script: Script, draft: Draft) -> None:
     if off:
         draft.note(f"{counted(off, 'observation')} switched off, or of a type that is not read")
     if without:
-        words = f"{counted(without, 'observation')} without σ: {_SIGMA['directions']} rad or {SIGMA_LENGTH} m is taken"
+        words = f"{counted(without, 'observation')} without σ: {usual['directions']} rad or {SIGMA_LENGTH} m is taken"
         draft.note(words)
 
 
@@ -232,18 +227,14 @@ def _uncertainties(script: Script, draft: Draft) -> dict[str, str]:
     constant: dict[str, str] = {}
     depending = []
     for row, line in script.of("ObservationGroupUncertainty"):
-        try:
+        with draft.at(line):
             value = parse_number(row["value"])
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        if row["type"] == "10" and value > 0.0:
-            constant[row["group_id"]] = repr(value)
-        elif row["type"] != "10" and value > 0.0:
-            depending.append(line)
+            if row["type"] == "10" and value > 0.0:
+                constant[row["group_id"]] = repr(value)
+            elif row["type"] != "10" and value > 0.0:
+                depending.append(line)
     if depending:
-        words = f"parts of σ that depend on the distance in {counted(len(depending), 'row')} not read"
-        draft.note(words, depending[0])
+        draft.note(f"parts of σ that depend on the distance in {counted(len(depending), 'row')} not read", depending[0])
     return constant
 
 
@@ -299,19 +290,16 @@ def _read_points(file: Path, kind: str, axes: tuple[str, ...], known: dict[str, 
     """Names of the points of a file: name, coordinates in the order y x z of JAG3D, σ."""
     rows, count = [], len(axes)
     for line, (name, *words) in _words(file, draft):
-        try:
+        with draft.at(line, str(file)):
             numbers = [parse_number(word.replace(",", ".")) for word in words]
             if len(numbers) < count:
                 raise ValueError(f"found {len(numbers)} numbers behind the name, expected {count} coordinates")
             sigma = _sigma(numbers[count:], count) if kind == "stochastic" else []
-        except ValueError as error:
-            draft.problem(str(error), line, str(file))
-            continue
-        if name in known:
-            draft.problem(f"point {name!r} is in {known[name]}, too", line, str(file))
-            continue
-        known[name] = file.name
-        rows.append(Row([name, *(repr(v) for v in numbers[:count]), *sigma], line))
+            if name in known:
+                draft.problem(f"point {name!r} is in {known[name]}, too", line, str(file))
+                continue
+            known[name] = file.name
+            rows.append(Row([name, *(repr(v) for v in numbers[:count]), *sigma], line))
     if rows:
         columns = ("id", *axes, *(f"sigma_{axis}" for axis in axes if kind == "stochastic"))
         draft.table("points", columns, rows, str(file), fixed=list(axes) if kind == "reference" else [])
@@ -335,7 +323,7 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
     rows = []
     stations: set[str] = set()
     for line, words in _words(file, draft):
-        try:
+        with draft.at(line, str(file)):
             if len(words) < 3 or len(words) > 6:
                 raise ValueError(f"found {len(words)} words, expected from, to, heights, value, σ")
             start, end = words[:2]
@@ -346,39 +334,32 @@ def _read_observations(file: Path, type_: str, sets: Counter[str], without: Coun
             value, *sigma = numbers[2:] if len(numbers) > 2 else numbers
             if type_ == "height_difference" and any(heights):
                 raise ValueError("found heights of staffs; height differences are those of the points here")
-        except ValueError as error:
-            draft.problem(str(error), line, str(file))
-            continue
-        own = repr(sigma[0]) if sigma and 0.0 < sigma[0] < 1.0 else _SIGMAS.get(type_, SIGMA_LENGTH)
-        without[type_] += not (sigma and 0.0 < sigma[0] < 1.0)
-        if type_ == "directions":
-            if start not in stations:
-                stations.add(start)
-                sets[start] += 1
-            cells = [start, None if sets[start] == 1 else str(sets[start]), end, repr(value), own]
-        else:
-            cells = [start, end, repr(value), own]
-        if len(_COLUMNS[type_]) == 6:
-            cells += [repr(height) for height in heights]
-        rows.append(Row(cells, line))
+            own = repr(sigma[0]) if sigma and 0.0 < sigma[0] < 1.0 else _SIGMAS.get(type_, SIGMA_LENGTH)
+            without[type_] += not (sigma and 0.0 < sigma[0] < 1.0)
+            if type_ == "directions":
+                if start not in stations:
+                    stations.add(start)
+                    sets[start] += 1
+                cells = [start, None if sets[start] == 1 else str(sets[start]), end, repr(value), own]
+            else:
+                cells = [start, end, repr(value), own]
+            if len(_COLUMNS[type_]) == 6:
+                cells += [repr(height) for height in heights]
+            rows.append(Row(cells, line))
     if rows:
         draft.table("observations", _COLUMNS[type_], rows, str(file), type=type_, name=file.stem)
 
 
 # ---- A terrestrial network as JAG3D's column text: a file for each kind of points and each set of directions.
 
-_GON = ANGLE_UNITS["gon"]
-_TYPES_WRITTEN = (*OBSERVATIONS.values(), "zenith_directions")
-_KINDS = {type_: kind for kind, type_ in OBSERVATIONS.items()}
-_LEAST = 2
-"""Files: one of points, one of observations."""
 Files = dict[str, list[str]]
 
 
 def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
     """A folder of files; what JAG3D's text has no place for is noted. Raises :class:`InputError` for the rest."""
     content = content_of(document, folder)
-    tables = groups(content, _TYPES_WRITTEN)
+    types_written = (*OBSERVATIONS.values(), "zenith_directions")
+    tables = groups(content, types_written)
     problems = tilted_stations(content, "JAG3D's text")
     for group in tables:
         if group.covariance is not None or group.entry.cluster:
@@ -392,10 +373,12 @@ def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
     for group in tables:
         _observations(group, known, content, files, sets)
     files |= {f"directions_{number}.txt": lines for number, lines in enumerate(sets.values(), start=1)}
-    if not any(name.partition("_points_")[1] == "" for name in files) or len(files) < _LEAST:
+    # Files: one of points, one of observations.
+    least = 2
+    if not any(name.partition("_points_")[1] == "" for name in files) or len(files) < least:
         words = "JAG3D's text has points and terrestrial observations: this project has none that it can hold"
         raise InputError([Message(words, content.document.file)])
-    notes = not_carried(content, _TYPES_WRITTEN, ("stations",), "JAG3D's text")
+    notes = not_carried(content, types_written, ("stations",), "JAG3D's text")
     if any(e.instrument or e.centring or e.ppm for e in content.project.observations):
         words = "scales, offsets, refraction, centring: not written; σ that grow with the distance as they are"
         notes.append(Message(words, str(target)))
@@ -459,6 +442,8 @@ def _observations(
     """Lines of a table: from, to, heights, value, σ; directions by station and set."""
     type_, edge = group.entry.type, content.edge
     face = np.nan_to_num(group.rows.number("face"), nan=1.0)
+    gon = ANGLE_UNITS["gon"]
+    kinds = {type_: kind for kind, type_ in OBSERVATIONS.items()}
     for row in range(group.rows.count):
         names = {r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[type_].references}
         heights = heights_of(group, names, row, known, edge.metres)
@@ -469,15 +454,15 @@ def _observations(
             if np.isfinite(value[0]):
                 key = f"{names['station']}\0{group.rows.text('set')[row]}"
                 circle = float(circle_in_face_one(value[0], face[row])) * edge.sense % (2 * np.pi)
-                sets.setdefault(key, []).append(_line(ends, flat, circle / _GON, sigma[0] / _GON))
+                sets.setdefault(key, []).append(_line(ends, flat, circle / gon, sigma[0] / gon))
         if "zenith" in type_ and np.isfinite(value[-1]):
             zenith = float(zenith_in_face_one(value[-1], face[row]))
-            line = _line(ends, heights, zenith / _GON, sigma[-1] / _GON)
+            line = _line(ends, heights, zenith / gon, sigma[-1] / gon)
             files.setdefault("zenith_angles.txt", []).append(line)
         elif type_ in ("height_difference", "horizontal_distance", "distance") and np.isfinite(value[0]):
             own = heights if type_ == "distance" else flat
             line = _line(ends, own, value[0] * edge.metres, sigma[0] * edge.metres)
-            files.setdefault(f"{_KINDS[type_]}.txt", []).append(line)
+            files.setdefault(f"{kinds[type_]}.txt", []).append(line)
 
 
 def _line(ends: str, heights: tuple[float, float], value: float, sigma: float) -> str:

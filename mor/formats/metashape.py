@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -139,10 +139,8 @@ _OFF, _RIG, _UNSEEN = (
     "in which no marker is measured",
 )
 """Why images are not read."""
-SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
+_SIGMA = {"markers": 0.005, "projections": 0.5, "cameras": 10.0, "tiepoints": 1.0}
 """σ of markers (m), their projections (px), camera positions (m), tie points (px) where the file has none: its own."""
-COS_PHI = 0.01
-"""Images that look along the x axis more closely than 0.6° have no ω and κ that can be observed."""
 
 
 @dataclass
@@ -174,7 +172,7 @@ def read_metashape(path: Path) -> Document:
     draft = Draft(str(path))
     own = is_project(path)
     root = project_tree(path) if own else parse_xml(read_bytes(path, PROJECT), draft.file)
-    chunks = [root] if root.name == "chunk" else list(_inside(root, "chunk"))
+    chunks = [root] if root.name == "chunk" else list(root.inside("chunk"))
     if not chunks:
         raise InputError([Message(f"found <{root.name}> without a <chunk>, expected Metashape's XML", draft.file, 1)])
     if len(chunks) > 1:
@@ -187,7 +185,7 @@ def read_metashape(path: Path) -> Document:
     draft.put("axes", {"xy": "en"})
     found = MetashapeChunk(tie=_tie_points(chunk, path, draft) if own else None)
     control = False
-    try:
+    with draft.at(chunk.line):
         _put_cameras(chunk, draft)
         found.origin = _origin(chunk)
         if found.origin is not None:
@@ -202,25 +200,14 @@ def read_metashape(path: Path) -> Document:
             draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
         _put_projections(chunk, found, draft)
         _put_tie_points(chunk, found, draft)
-    except ValueError as error:
-        draft.problem(str(error), chunk.line)
     if not control:
         draft.put("datum", "free")
     draft.put("settings", {"undetermined": "leave_out"})  # as Metashape, which leaves images without a pose alone
     return draft.finish()
 
 
-def _inside(element: Element, name: str) -> Iterator[Element]:
-    """Elements of a name at any depth, those in groups as well."""
-    for child in element.children:
-        if child.name == name:
-            yield child
-        else:
-            yield from _inside(child, name)
-
-
 def _section(chunk: Element, section: str, name: str) -> list[Element]:
-    return [found for part in chunk.all(section) for found in _inside(part, name)]
+    return [found for part in chunk.all(section) for found in part.inside(name)]
 
 
 def _put_cameras(chunk: Element, draft: Draft) -> None:
@@ -264,10 +251,7 @@ def _to_project(chunk: Element, origin: FloatArray | None) -> tuple[FloatArray, 
 
 
 def _to_references(
-    chunk: Element,
-    found: MetashapeChunk,
-    known: Mapping[str, tuple[list[str | None], list[str | None]]],
-    draft: Draft,
+    chunk: Element, found: MetashapeChunk, known: Mapping[str, tuple[list[str | None], list[str | None]]], draft: Draft
 ) -> tuple[FloatArray, FloatArray, float] | None:
     """Rotation, translation and scale from the chunk to references in a projection, for start values; else ``None``.
 
@@ -306,8 +290,7 @@ def _to_references(
     moved = similarity(*map(np.array, zip(*pairs, strict=True)))
     if moved.outcome is not SimilarityOutcome.DETERMINED:
         return None
-    words = "poses are geocentric, references are not: the poses are fitted to them as start values"
-    draft.note(words, chunk.line)
+    draft.note("poses are geocentric, references are not: the poses are fitted to them as start values", chunk.line)
     return moved.rotation, moved.translation, moved.scale
 
 
@@ -360,7 +343,7 @@ def _origin(chunk: Element) -> FloatArray | None:
 
 def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
     """Markers with their reference coordinates (start values where switched off); true where some are control."""
-    system, common = _system(chunk, "marker"), _accuracies(chunk, "markers", SIGMA_MARKER)
+    system, common = _system(chunk, "marker"), _accuracies(chunk, "markers")
     control = 0
     for marker in _section(chunk, "markers", "marker"):
         if "id" not in marker.attributes:
@@ -408,18 +391,21 @@ def _reference(
     return place, [s if p is not None else None for s, p in zip(sigma, place, strict=True)]
 
 
-def _accuracy(chunk: Element, name: str, default: float) -> str:
+def _accuracy(chunk: Element, things: str, default: float | None = None) -> str:
     for settings in chunk.all("settings"):
         for given in settings.all("property"):
-            if given.attributes.get("name") == name and parse_number(given.attributes.get("value", "")) > 0.0:
+            if (
+                given.attributes.get("name") == f"accuracy_{things}"
+                and parse_number(given.attributes.get("value", "")) > 0.0
+            ):
                 return given.attributes["value"]
-    return repr(default)
+    return repr(_SIGMA[things] if default is None else default)
 
 
-def _accuracies(chunk: Element, things: str, default: float) -> tuple[str, str]:
+def _accuracies(chunk: Element, things: str) -> tuple[str, str]:
     """σ of coordinates in plan and in height: one for both, or two."""
-    both = float(_accuracy(chunk, f"accuracy_{things}", default))
-    return _accuracy(chunk, f"accuracy_{things}_xy", both), _accuracy(chunk, f"accuracy_{things}_z", both)
+    both = float(_accuracy(chunk, things))
+    return _accuracy(chunk, f"{things}_xy", both), _accuracy(chunk, f"{things}_z", both)
 
 
 def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Draft) -> bool:
@@ -436,7 +422,7 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     seen = {
         location.attributes.get("camera_id", "")
         for frame in _section(chunk, "frames", "frame")
-        for location in _inside(frame, "location")
+        for location in frame.inside("location")
     }
     seen |= {one.camera for one in found.tie.projections if len(one.points)} if found.tie else set()
     found.posed = not other
@@ -518,7 +504,7 @@ def _attitudes(
     not kept. Only for images with an observed position in a local system: elsewhere yaw may refer to another north.
     """
     found: dict[str, tuple[list[str | None], list[str | None]]] = {}
-    sigma = np.radians(float(_accuracy(chunk, "accuracy_cameras_ypr", 0.0)))
+    sigma = np.radians(float(_accuracy(chunk, "cameras_ypr", 0.0)))
     if not sigma or _system(chunk, "camera") != "local":
         return found
     for camera in _section(chunk, "cameras", "camera"):
@@ -526,7 +512,8 @@ def _attitudes(
             angles = _reference_angles(given)
             enabled = given.attributes.get("rotation_enabled", given.attributes.get("enabled", "true"))
             number = camera.attributes.get("id", "")
-            if angles is None or number not in known or enabled not in ("true", "1") or np.cos(angles[1]) < COS_PHI:
+            # Images that look along the x axis more closely than 0.6° have no ω and κ that can be observed.
+            if angles is None or number not in known or enabled not in ("true", "1") or np.cos(angles[1]) < 0.01:
                 continue
             J = angles_by_tangent(angles)
             sigmas = sigma * np.sqrt((J**2).sum(axis=1))
@@ -541,7 +528,7 @@ def _positions(
     chunk: Element, origin: FloatArray | None, draft: Draft
 ) -> dict[str, tuple[list[str | None], list[str | None]]]:
     """Reference positions of cameras that are switched on, with their σ, by the numbers of the cameras."""
-    found, common = {}, _accuracies(chunk, "cameras", SIGMA_CAMERA)
+    found, common = {}, _accuracies(chunk, "cameras")
     for camera in _section(chunk, "cameras", "camera"):
         for given in camera.all("reference"):
             if given.attributes.get("enabled", "true") in ("true", "1") and "x" in given.attributes:
@@ -589,7 +576,7 @@ def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> Non
             f"{counted(lost[_RIG], 'projection')} are in images {_RIG}, which are not read",
             chunk.line,
         )
-    sigma = _accuracy(chunk, "accuracy_projections", SIGMA_PROJECTION)
+    sigma = _accuracy(chunk, "projections")
     if rows:
         columns = ("image", "point", "x", "y")
         draft.table("observations", columns, rows, type="image", units="px", values={"sigma": sigma})
@@ -598,7 +585,7 @@ def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> Non
 
 
 def _tie_points(chunk: Element, path: Path, draft: Draft) -> TiePoints | None:
-    clouds = [cloud for cloud in _inside(chunk, "point_cloud") if cloud.all("projections")]
+    clouds = [cloud for cloud in chunk.inside("point_cloud") if cloud.all("projections")]
     if not clouds:
         draft.note("the project has no tie points: its photographs are not aligned", chunk.line)
         return None
@@ -612,7 +599,7 @@ def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None
     if found.posed:
         R, t, s = found.there or (np.eye(3), np.zeros(3), 1.0)
         xyz = s * found.tie.xyz @ R.T + t
-    sigma = _accuracy(chunk, "accuracy_tiepoints", SIGMA_TIE_POINT)
+    sigma = _accuracy(chunk, "tiepoints")
     put_tie_points(draft, found.tie, found.cameras, found.markers.values(), xyz, sigma)
 
 
@@ -636,9 +623,7 @@ _COLUMNS = {
     "enabled": "on",
     "yaw": "yaw",
 }
-_GEOGRAPHIC = ("x/longitude", "y/latitude")
 _AXES = ("x", "y", "z")
-IMAGE = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr2|arw|raw|iiq)$", re.IGNORECASE)
 
 
 def read_reference(path: Path) -> Document:
@@ -655,7 +640,8 @@ def read_reference(path: Path) -> Document:
     sign = next(sign for sign in "\t;," if sign in lines[at])
     decimal = sign != "," and any(re.search(r"\d,\d", text) for text in lines[at + 1 :])
     names = [name.strip().lower().lstrip("#").strip() for name in lines[at].split(sign)]
-    if any(name in _GEOGRAPHIC for name in names) or any("GEOGCS" in text[:80] for text in lines[: at + 1]):
+    named_geographic = ("x/longitude", "y/latitude")
+    if any(name in named_geographic for name in names) or any("GEOGCS" in text[:80] for text in lines[: at + 1]):
         words = "the coordinates are longitude and latitude: export them in a projected or local system"
         raise InputError([Message(words, draft.file, at + 1)])
     columns = {_COLUMNS[name]: k for k, name in enumerate(names) if name in _COLUMNS}
@@ -681,28 +667,26 @@ def read_reference(path: Path) -> Document:
 
 def _put(cells: list[tuple[int, list[str]]], columns: dict[str, int], names: list[str], draft: Draft) -> None:
     labels = [row[columns["id"]].strip() for _, row in cells if len(row) > columns["id"]]
-    cameras = "yaw" in columns or (bool(labels) and all(IMAGE.search(name) for name in labels))
-    default = repr(SIGMA_CAMERA if cameras else SIGMA_MARKER)
+    image = re.compile(r"\.(jpe?g|tiff?|png|dng|nef|cr2|arw|raw|iiq)$", re.IGNORECASE)
+    cameras = "yaw" in columns or (bool(labels) and all(image.search(name) for name in labels))
+    default = repr(_SIGMA["cameras" if cameras else "markers"])
     rows, off, twice = [], 0, set()
     for line, row in cells:
         given = {name: row[k].strip() for name, k in columns.items() if k < len(row)}
         name = given.get("id", "")
-        try:
+        with draft.at(line):
             place = _place(given)
             sigma = [_sigma(given, axis, default) if place[k] is not None else None for k, axis in enumerate(_AXES)]
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        if not name and not any(place):
-            continue  # the line of the total error
-        if not name or name in twice:
-            draft.problem(f"label {name!r} is there twice" if name else "the label is missing", line)
-            continue
-        twice.add(name)
-        used = given.get("on", "1").lower() not in ("0", "false")
-        off += not used
-        if any(text is not None for text in place):
-            rows.append(Row([name, *place, *(sigma if used else [None] * 3)], line))
+            if not name and not any(place):
+                continue  # the line of the total error
+            if not name or name in twice:
+                draft.problem(f"label {name!r} is there twice" if name else "the label is missing", line)
+                continue
+            twice.add(name)
+            used = given.get("on", "1").lower() not in ("0", "false")
+            off += not used
+            if any(text is not None for text in place):
+                rows.append(Row([name, *place, *(sigma if used else [None] * 3)], line))
     if off:
         draft.note(f"{counted(off, 'label')} switched off: coordinates without a σ")
     left = [name for name in names if name and name not in _COLUMNS]

@@ -251,9 +251,6 @@ def zenith_in_face_one(value: FloatArray, face: FloatArray) -> FloatArray:
 
 # ---- A network on the earth for writers: where its points are and what is held of them, clusters of GNSS.
 
-_HELD = 1e-6
-"""Largest σ (m) that is as good as none."""
-
 
 class EarthPoints(NamedTuple):
     """Points at their start values, in metres and radians; arrays have a row for each."""
@@ -286,8 +283,7 @@ def world_of(content: Content, what: str) -> None:
 def clockwise_from_north(content: Content, what: str) -> None:
     """Raise :class:`InputError` where angles of a project have other senses and zeros."""
     if content.project.axes.angles != "clockwise" or content.project.axes.bearings_from != "north":
-        words = f"{what} has angles clockwise and azimuths from north"
-        raise InputError([content.place("axes").problem(words)])
+        raise InputError([content.place("axes").problem(f"{what} has angles clockwise and azimuths from north")])
 
 
 def earth_points(content: Content, network: Network, what: str) -> EarthPoints:
@@ -307,7 +303,8 @@ def earth_points(content: Content, network: Network, what: str) -> EarthPoints:
         raise InputError(problems)
     geoid = world.geoid_at(blocks, object_)
     given = world.in_metres(world.from_object(object_, np.nan_to_num(geoid)))
-    entries = [tables.get(name, _NOTHING) for name in things.ids]
+    nothing = _Entry(np.full(3, np.nan), np.zeros(3, dtype=bool))
+    entries = [tables.get(name, nothing) for name in things.ids]
     own = np.array([entry.given for entry in entries]).reshape(-1, 3)
     deflections = [world.of_points(f"deflection_{axis}", blocks) for axis in ("north", "east")]
     return EarthPoints(
@@ -327,9 +324,6 @@ class _Entry(NamedTuple):
     held: BoolArray
 
 
-_NOTHING = _Entry(np.full(3, np.nan), np.zeros(3, dtype=bool))
-
-
 def _tables(content: Content, world: EarthModel, what: str, problems: list[Message]) -> dict[str, _Entry]:
     """Points of all tables, so that coordinates are those of the project to the last digit.
 
@@ -337,6 +331,8 @@ def _tables(content: Content, world: EarthModel, what: str, problems: list[Messa
     """
     edge, known = content.edge, {}
     names, coordinates = ("sigma_east", "sigma_north", "sigma_up"), world.system.coordinates
+    # Largest σ (m) that is as good as none.
+    exact = 1e-6
     for number, table in enumerate(content.project.points):
         columns = [Column("id", required=True), Column(GEOID), *(Column(name) for name in DEFLECTIONS)]
         columns += [number_column(name, LENGTH, edge) for name in ("sigma", *names)]
@@ -347,7 +343,7 @@ def _tables(content: Content, world: EarthModel, what: str, problems: list[Messa
         sigma = np.stack([rows.number(name) for name in names], axis=1)
         sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma) * edge.metres
         sigma[:] = 0.0 if table.fixed else sigma
-        if (sigma > _HELD * (1.0 + 1e-9)).any():
+        if (sigma > exact * (1.0 + 1e-9)).any():
             words = "coordinates or leaves them free: observe them instead (gnss_position with a covariance)"
             problems.append(content.place("points", number).problem(f"{what} holds {words}"))
         start = np.stack([rows.number(f"start_{name}") for name in coordinates], axis=1)
@@ -369,8 +365,7 @@ class SetUps:
         """The point of a station. Raises :class:`InputError` if it stands on none."""
         point = self._under.get(station, station)
         if point not in self._points:
-            words = f"station {station!r} has no point"
-            raise InputError([Message(words, self._content.document.file)])
+            raise InputError([Message(f"station {station!r} has no point", self._content.document.file)])
         return point
 
 

@@ -29,9 +29,18 @@ Numbers = Mapping[str, float]
 def camera_of(name: str, given: dict[str, Any]) -> dict[str, Any]:
     """A camera as a project file says it. Raises :class:`Wrong` if mor has no model that says the same."""
     kind = str(given.get("projection_type", "perspective"))
-    if kind not in _KINDS:
+    # Projection types; OpenSfM's fisheye has one focal length and its principal point in the centre, which is told.
+    kinds = {
+        "perspective": _perspective,
+        "brown": _opencv("k1", "k2", "p1", "p2", "k3"),
+        "radial": _opencv("k1", "k2"),
+        "simple_radial": _opencv("k1"),
+        "fisheye": _opencv("k1", "k2", model="fisheye"),
+        "fisheye_opencv": _opencv("k1", "k2", "k3", "k4", model="fisheye"),
+    }
+    if kind not in kinds:
         words = f"projection type {kind!r} has no counterpart in mor that says exactly the same"
-        raise Wrong(f"camera {name!r}: {words} (known: {', '.join(_KINDS)})")
+        raise Wrong(f"camera {name!r}: {words} (known: {', '.join(kinds)})")
     values = {
         key: json_number(value, f"camera {name!r}: {key}")
         for key, value in given.items()
@@ -40,7 +49,7 @@ def camera_of(name: str, given: dict[str, Any]) -> dict[str, Any]:
     width, height = (values.get(key, 0.0) for key in ("width", "height"))
     if not (0.0 < width < 1e6 and 0.0 < height < 1e6):
         raise Wrong(f"camera {name!r}: found no width and height above 0")
-    model, interior = _KINDS[kind](values, max(width, height), width, height)
+    model, interior = kinds[kind](values, max(width, height), width, height)
     first = next(iter(interior.values()))
     if not 1e-9 < first < 1e12:
         raise Wrong(f"camera {name!r}: found the focal length {first:g} px, expected it above 0")
@@ -63,39 +72,21 @@ def _perspective(values: Numbers, side: float, width: float, height: float) -> I
     return "mor", {"c": c, **radial}
 
 
-def _two_focal_lengths(values: Numbers, side: float, width: float, height: float) -> dict[str, float]:
-    fx = values.get("focal_x", values.get("focal", 0.0))
-    return {
-        "fx": fx * side,
-        "fy": values.get("focal_y", fx) * side,
-        "cx": values.get("c_x", 0.0) * side + width / 2.0,
-        "cy": values.get("c_y", 0.0) * side + height / 2.0,
-    }
-
-
 def _opencv(*names: str, model: str = "opencv") -> Callable[[Numbers, float, float, float], Interior]:
     def interior(values: Numbers, side: float, width: float, height: float) -> Interior:
-        focal = _two_focal_lengths(values, side, width, height)
+        fx = values.get("focal_x", values.get("focal", 0.0))
+        focal = {
+            "fx": fx * side,
+            "fy": values.get("focal_y", fx) * side,
+            "cx": values.get("c_x", 0.0) * side + width / 2.0,
+            "cy": values.get("c_y", 0.0) * side + height / 2.0,
+        }
         return model, {**focal, **{name: values.get(name, 0.0) for name in names}}
 
     return interior
 
 
-_KINDS: dict[str, Callable[[Numbers, float, float, float], Interior]] = {
-    "perspective": _perspective,
-    "brown": _opencv("k1", "k2", "p1", "p2", "k3"),
-    "radial": _opencv("k1", "k2"),
-    "simple_radial": _opencv("k1"),
-    "fisheye": _opencv("k1", "k2", model="fisheye"),
-    "fisheye_opencv": _opencv("k1", "k2", "k3", "k4", model="fisheye"),
-}
-"""Projection types; OpenSfM's fisheye has one focal length and its principal point in the centre, which is told."""
-
-
 # ---- Control of an image block as OpenDroneMap's ``gcp_list.txt``, with its image points.
-
-_SYSTEM = "EPSG:?"
-"""First line of the file, which OpenDroneMap refuses as it is: a project does not know its coordinate system."""
 
 
 def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
@@ -116,7 +107,9 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
             control[name] = " ".join(
                 [repr(float(xyz[0])), repr(float(xyz[1])), repr(float(xyz[2])) if there[2] else "nan"]
             )
-    lines, lost = [_SYSTEM], 0
+    # First line of the file, which OpenDroneMap refuses as it is: a project does not know its coordinate system.
+    system = "EPSG:?"
+    lines, lost = [system], 0
     for image, point, (x, y) in zip(rays.images, rays.points, rays.xy.tolist(), strict=True):
         lost += point not in control
         if point in control:
@@ -126,7 +119,7 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
         words = f"{odd[0]!r}: names in a gcp_list.txt have no blanks" if odd else "no image shows a control point"
         raise InputError([Message(words, document.file)])
     notes = not_carried(content, ("image",), (), "gcp_list.txt")
-    words = f"line 1 says {_SYSTEM}: put the coordinate system of the control there, as EPSG:25832 or WGS84 UTM 32N"
+    words = f"line 1 says {system}: put the coordinate system of the control there, as EPSG:25832 or WGS84 UTM 32N"
     notes.append(Message(words, str(target), 1))
     if lost:
         words = f"{counted(lost, 'image point')} of points without control in plan, σ, cameras, poses: not written"
@@ -140,14 +133,9 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
 # others in its own units (OpenSfM source, ``config.py`` and ``bundle_adjuster.cc``).
 
 _SIGMA = {
-    "exif_focal_sd": 0.01,
-    "principal_point_sd": 0.01,
-    "radial_distortion_k1_sd": 0.01,
-    "radial_distortion_k2_sd": 0.01,
-    "radial_distortion_k3_sd": 0.01,
-    "radial_distortion_k4_sd": 0.01,
-    "tangential_distortion_p1_sd": 0.01,
-    "tangential_distortion_p2_sd": 0.01,
+    **dict.fromkeys(("exif_focal_sd", "principal_point_sd"), 0.01),
+    **{f"radial_distortion_k{k}_sd": 0.01 for k in (1, 2, 3, 4)},
+    **{f"tangential_distortion_p{k}_sd": 0.01 for k in (1, 2)},
 }
 """OpenSfM's defaults."""
 

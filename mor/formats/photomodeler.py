@@ -78,9 +78,6 @@ def _measured(corrected: FloatArray, distortion: FloatArray) -> FloatArray:
 
 # ---- The parts of a PhotoModeler text export, as numbers with their lines.
 
-_PHOTO_LINES = 6
-_DISTORTION = 5
-
 
 class PhotoRecord(NamedTuple):
     """A photo: X Y Z kappa phi omega, and c xp yp, format width and height, K1 K2 K3 P1 P2."""
@@ -131,7 +128,8 @@ def read_export(path: Path, draft: Draft) -> Export:
 
 
 def _padded(camera: list[float]) -> list[float]:
-    return (camera + [0.0] * _DISTORTION)[: 5 + _DISTORTION]
+    distortion = 5
+    return (camera + [0.0] * distortion)[: 5 + distortion]
 
 
 def _numbers(lines: list[str], index: int, count: int, form: str, draft: Draft) -> list[float] | None:
@@ -151,12 +149,13 @@ def _photos(lines: list[str], draft: Draft) -> tuple[list[PhotoRecord], int]:
     """Photos of six lines each, and the index of the first line after them."""
     photos = []
     at = 5
-    while at + _PHOTO_LINES <= len(lines) and lines[at].split():
+    photo_lines = 6
+    while at + photo_lines <= len(lines) and lines[at].split():
         pose = _numbers(lines, at + 1, 7, "photo X Y Z kappa phi omega", draft)
         camera = _numbers(lines, at + 4, 6, "photo c xp yp, format width and height, K1 K2 K3 P1 P2", draft)
         if pose is not None and camera is not None:
             photos.append(PhotoRecord(lines[at].split()[0], pose[1:7], _padded(camera[1:]), at + 1))
-        at += _PHOTO_LINES
+        at += photo_lines
     return photos, at
 
 
@@ -213,13 +212,10 @@ def _rows(lines: list[Line], least: int, most: int, form: str, draft: Draft) -> 
         if len(words) < least:
             draft.problem(f"found {len(words)} columns, expected {form}", line)
             continue
-        try:
+        with draft.at(line):
             for word in words[1:most]:
                 parse_number(word)
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        rows.append(Row([*words[:most], *[None] * (most - len(words))], line))
+            rows.append(Row([*words[:most], *[None] * (most - len(words))], line))
     return rows
 
 
@@ -230,15 +226,12 @@ def _marks(export: Export, draft: Draft) -> list[Row]:
         if len(words) < 4:
             draft.problem(f"found {len(words)} columns, expected photo id x y sx sy", line)
             continue
-        try:
+        with draft.at(line):
             values = [parse_number(word) for word in words[2:6]]
-        except ValueError as error:
-            draft.problem(str(error), line)
-            continue
-        good = len(values) == 4 and min(values[2:]) > 0.0
-        replaced += not good
-        sigma: list[str | None] = [*words[4:6]] if good else [repr(export.sigma)] * 2
-        rows.append(Row([*words[:4], *sigma], line))
+            good = len(values) == 4 and min(values[2:]) > 0.0
+            replaced += not good
+            sigma: list[str | None] = [*words[4:6]] if good else [repr(export.sigma)] * 2
+            rows.append(Row([*words[:4], *sigma], line))
     if replaced:
         words_ = f"{counted(replaced, 'image point')} without σ: σ = {export.sigma:g} px, the default of the file"
         draft.note(words_, 3)

@@ -33,7 +33,6 @@ from mor.types import FloatArray
 
 SIGMA_CONTROL, SIGMA_MARK = "0.02", "1"
 """σ of control (m; Pix4D's own default) and of image points (px): the files say none."""
-_POSE = ("x", "y", "z", "omega", "phi", "kappa")
 
 
 def read_pix4d(path: Path) -> Document:
@@ -58,7 +57,8 @@ def read_pix4d(path: Path) -> Document:
     rows = [
         Row([photo.name, names[photo.name], *map(repr, map(float, poses[photo.name]))], photo.line) for photo in photos
     ]
-    draft.table("images", ("id", "camera", *_POSE), rows, str(files[CAMERAS]))
+    pose = ("x", "y", "z", "omega", "phi", "kappa")
+    draft.table("images", ("id", "camera", *pose), rows, str(files[CAMERAS]))
     used = _put_marks(marks, photos, str(files.get(MARKS, "")), draft)
     file = str(files.get(MARKS, ""))
     control_file = str(files.get(CONTROL, ""))

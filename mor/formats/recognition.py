@@ -43,7 +43,6 @@ from mor.types import FloatArray, IntArray
 # ---- The flat files of one AICON project: found by a folder, a stem or one of them; lines of words without comments.
 
 REQUIRED = (".ior", ".eor", ".obc", ".phc")
-SUFFIXES = (*REQUIRED, ".scale")
 
 
 class FileLine(NamedTuple):
@@ -69,7 +68,8 @@ def stem_of(path: Path) -> Path:
             raise InputError([Message(words, str(path))])
         return stems[0].with_suffix("")
     bare = _bare(path)
-    return bare.with_suffix("") if bare.suffix in SUFFIXES else bare
+    suffixes = (*REQUIRED, ".scale")
+    return bare.with_suffix("") if bare.suffix in suffixes else bare
 
 
 def is_stem(path: Path) -> bool:
@@ -160,11 +160,6 @@ _TYPES = {
     "int64": "i8", "uint64": "u8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 """Types of properties as numpy calls them."""
-_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
-_BEGINNINGS = ("tie", "tie_point_", "tie_point_of_metashape_")
-"""What names of tie points begin with: the first that no marker begins with."""
-_HEAD = 1 << 14
-"""Bytes that the head of a PLY file may have."""
 
 
 class Projections(NamedTuple):
@@ -226,13 +221,16 @@ def _vertices(files: zipfile.ZipFile, named: Element, archive: Path, axes: str) 
 
 def _ply(content: bytes, needed: tuple[str, ...]) -> np.ndarray:
     """Vertices of a binary PLY file. Raises ``ValueError``."""
-    end = re.search(rb"\nend_header\r?\n", content[:_HEAD])
+    # Bytes that the head of a PLY file may have.
+    longest_head = 1 << 14
+    end = re.search(rb"\nend_header\r?\n", content[:longest_head])
     if not content.startswith(b"ply") or end is None:
         raise ValueError("found no head of a PLY file")
     lines = [line.split() for line in content[: end.start()].decode("ascii", "replace").splitlines()]
     said = next((words[1] for words in lines if words[:1] == ["format"] and len(words) > 1), "")
-    if said not in _ORDERS:
-        raise ValueError(f"found the format {said!r}, expected {' or '.join(_ORDERS)}")
+    orders = {"binary_little_endian": "<", "binary_big_endian": ">"}
+    if said not in orders:
+        raise ValueError(f"found the format {said!r}, expected {' or '.join(orders)}")
     elements = [words for words in lines if words[:1] == ["element"]]
     properties = [words[1:] for words in lines if words[:1] == ["property"]]
     if len(elements) != 1 or len(elements[0]) != 3 or elements[0][1] != "vertex" or not elements[0][2].isdecimal():
@@ -242,7 +240,7 @@ def _ply(content: bytes, needed: tuple[str, ...]) -> np.ndarray:
     names = [words[1] for words in properties]
     if len(set(names)) < len(names):
         raise ValueError("found a property twice")
-    form = np.dtype([(name, _ORDERS[said] + _TYPES[type_]) for type_, name in properties])
+    form = np.dtype([(name, orders[said] + _TYPES[type_]) for type_, name in properties])
     count = int(elements[0][2])
     if count * form.itemsize != len(content) - end.end():
         raise ValueError(f"found {len(content) - end.end()} bytes of vertices, expected {count} · {form.itemsize}")
@@ -288,7 +286,9 @@ def put_tie_points(
         draft.note(f"{count} of tie points without coordinates, or in one image only: not read")
     if not kept.any():
         return
-    begin = next(word for word in _BEGINNINGS if not any(name.startswith(word) for name in markers))
+    # What names of tie points begin with: the first that no marker begins with.
+    beginnings = ("tie", "tie_point_", "tie_point_of_metashape_")
+    begin = next(word for word in beginnings if not any(name.startswith(word) for name in markers))
     ids = pl.Series(tie.numbers).cast(pl.String)
     table = {"id": (begin + ids).filter(pl.Series(enough))}
     if xyz is not None:
@@ -312,8 +312,6 @@ def put_tie_points(
 #
 # Source: projects of PhotoScan 1.1 and 1.2; for ``.psx`` programs that read them (``name.files/project.zip``,
 # ``0/chunk.zip``, ``0/0/frame.zip``, ``0/0/point_cloud/point_cloud.zip``, each with a ``doc.xml``).
-
-_DOCUMENT = "doc.xml"
 
 
 def is_project(path: Path) -> bool:
@@ -355,12 +353,13 @@ def _fill(element: Element, folder: Path, inner: tuple[str, ...]) -> None:
 
 def _document(content: bytes, path: Path) -> bytes:
     """``doc.xml`` of an archive, up to the limit of what is read."""
+    document = "doc.xml"
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            check_size(archive.getinfo(_DOCUMENT).file_size, path, PROJECT)
-            return archive.read(_DOCUMENT)
+            check_size(archive.getinfo(document).file_size, path, PROJECT)
+            return archive.read(document)
     except KeyError:
-        words = f"found no {_DOCUMENT} in this archive, expected a project of Metashape"
+        words = f"found no {document} in this archive, expected a project of Metashape"
     except UNREADABLE as error:
         words = f"this archive cannot be read: {error}"
     raise InputError([Message(words, str(path))])
@@ -500,31 +499,28 @@ def _read_list(
         words = text.split()
         if not words or words[0].startswith("#"):
             continue
-        try:
+        with draft.at(line, str(path)):
             if len(words) < 6:
                 raise ValueError(f"found {len(words)} words, expected x y z u v image [name]")
             x, y, z, u, v = (parse_number(word) for word in words[:5])
             z_or_none = z if words[2].lower() != "nan" else None
-        except ValueError as error:
-            draft.problem(str(error), line, str(path))
-            continue
-        name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
-        x, y = (y, x) if latitude_first else (x, y)
-        if geographic and abs(y) > _POLE:
-            draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
-            continue
-        if geographic and shots is None:
-            first = {"latitude": y, "longitude": x, "altitude": 0.0 if z_or_none is None else z}
-            whole.setdefault("reference_lla", first)
-        place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
-        if place is None:
-            draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
-            continue
-        control.ids[name] = (float(place[0]), float(place[1]), None if z_or_none is None else float(place[2]))
-        known = shots is None or words[5] in shots
-        lost += not known
-        if known:
-            control.rays.append((words[5], name, u + 0.5, v + 0.5))
+            name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
+            x, y = (y, x) if latitude_first else (x, y)
+            if geographic and abs(y) > _POLE:
+                draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
+                continue
+            if geographic and shots is None:
+                first = {"latitude": y, "longitude": x, "altitude": 0.0 if z_or_none is None else z}
+                whole.setdefault("reference_lla", first)
+            place = _local(y, x, z, whole) if geographic else np.array([x, y, z])
+            if place is None:
+                draft.problem("longitude, latitude need reference_lla in the reconstruction", line, str(path))
+                continue
+            control.ids[name] = (float(place[0]), float(place[1]), None if z_or_none is None else float(place[2]))
+            known = shots is None or words[5] in shots
+            lost += not known
+            if known:
+                control.rays.append((words[5], name, u + 0.5, v + 0.5))
     if lost:
         draft.note(f"{lost} image points of control not read: their images are not reconstructed", file=str(path))
     if control.ids and not geographic:
@@ -616,9 +612,7 @@ def _local(latitude: float, longitude: float, height: float, whole: dict[str, An
 # calibrated camera parameters of their projects.
 
 HEAD = "Pix4D camera calibration file"
-_SIZE = re.compile(r"sensor width of\s+([\d.]+)\s*x\s*([\d.]+)\s*mm", re.IGNORECASE)
 _NEEDED = ("F", "Px", "Py")
-_KEYS = (*_NEEDED, "K1", "K2", "K3", "T1", "T2")
 
 
 @dataclass
@@ -638,10 +632,8 @@ def read_camera_file(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "deg"})
     found: list[_Camera] = []
     for line, text in enumerate(read_lines(path, draft), start=1):
-        try:
+        with draft.at(line):
             _read(text.strip(), line, found)
-        except ValueError as error:
-            draft.problem(str(error), line)
     if not found:
         raise InputError([Message(f"expected {HEAD!r} in the first line", str(path), 1)])
     cameras: dict[str, Any] = {}
@@ -672,8 +664,9 @@ def _read(text: str, line: int, found: list[_Camera]) -> None:
         return
     if not found:
         raise ValueError(f"found {text[:30]!r}, expected {HEAD!r} in the first line")
+    sensor_size = re.compile(r"sensor width of\s+([\d.]+)\s*x\s*([\d.]+)\s*mm", re.IGNORECASE)
     if text.startswith("#"):
-        size = _SIZE.search(text)
+        size = sensor_size.search(text)
         if size:
             width, height = parse_number(size[1]), parse_number(size[2])
             if min(width, height) <= 0.0:
@@ -681,8 +674,9 @@ def _read(text: str, line: int, found: list[_Camera]) -> None:
             found[-1].size = width, height
         return
     words = text.split()
-    if len(words) != 2 or words[0] not in _KEYS:
-        raise ValueError(f"found {text[:30]!r}, expected one of {', '.join(_KEYS)} and a number")
+    keys = (*_NEEDED, "K1", "K2", "K3", "T1", "T2")
+    if len(words) != 2 or words[0] not in keys:
+        raise ValueError(f"found {text[:30]!r}, expected one of {', '.join(keys)} and a number")
     if words[0] in found[-1].values:
         raise ValueError(f"{words[0]} is there twice")
     found[-1].values[words[0]] = parse_number(words[1])
@@ -704,7 +698,6 @@ EXTERNAL = "calibrated_external_camera_parameters.txt"
 MARKS = "tp_pix4d.txt"
 CONTROL = "measured_gcps_position.txt"
 OFFSET = "offset.xyz"
-_ENDS = (EXTERNAL, CAMERAS, MARKS, CONTROL, OFFSET)
 _BLOCK = (3, 3, 3, 3, 2, 3, 3, 3, 3)
 """Numbers in the lines behind the name of an image: K, radial and tangential distortion, position, rotation."""
 
@@ -756,7 +749,8 @@ def files_of(path: Path) -> dict[str, Path]:
 
 def kind_of(name: str) -> str:
     """Return the kind of parameter file that a name means, or an empty text."""
-    return next((end for end in _ENDS if name == end or name.endswith(f"_{end}")), "")
+    ends = (EXTERNAL, CAMERAS, MARKS, CONTROL, OFFSET)
+    return next((end for end in ends if name == end or name.endswith(f"_{end}")), "")
 
 
 def _told(make: Callable[[], Result], line: int, file: str, draft: Draft) -> Result | None:
@@ -859,18 +853,10 @@ def read_marks(path: Path, draft: Draft) -> list[tuple[str, NamedValues]]:
 
 _RECOGNITION_HEAD = 1 << 16
 """Bytes at the beginning of a file that tell its format."""
-_RECORDS = 40
-"""Lines that tell a format of records."""
 _ROOT = re.compile(
     r"\ufeff?\s*(?:(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE(?:[^\[>]|\[.*?\])*>)\s*)*<(?:[\w.-]+:)?([A-Za-z_][\w.-]*)",
     re.DOTALL,
 )
-_VAGUE = (".txt", ".dat", ".out", ".raw", ".job", ".obs", ".xml", ".json", ".gz")
-"""Suffixes that many programs use: they are no reason for a format."""
-_IN_TABLES = ("metashape-reference", "sdr")
-"""Formats whose files may be named like tables."""
-_OWN = (".yaml", ".yml", ".csv", ".parquet")
-"""Suffixes of mor's own files."""
 COLMAP_FILES = ("cameras", "images", "points3D")
 
 
@@ -907,7 +893,9 @@ class Sample:
         """The first lines that are not empty, without the control characters of a serial line."""
         lines = self.text.split("\n")
         lines = lines[:-1] if len(self.head) == _RECOGNITION_HEAD else lines
-        return [bare for line in lines if (bare := line.strip("\0\1\2\3\4\x1a\r")).strip()][:_RECORDS]
+        # Lines that tell a format of records.
+        enough_lines = 40
+        return [bare for line in lines if (bare := line.strip("\0\1\2\3\4\x1a\r")).strip()][:enough_lines]
 
     @cached_property
     def kind(self) -> str:
@@ -937,11 +925,15 @@ def format_of(path: Path) -> str | None:
     if is_stem(path):
         return "aicon"
     suffix = path.suffix.lower()
-    if suffix in _OWN and suffix != ".csv":
+    # Suffixes of mor's own files.
+    own = (".yaml", ".yml", ".csv", ".parquet")
+    if suffix in own and suffix != ".csv":
         return None
     sample = _sample(path)
+    # Formats whose files may be named like tables.
+    in_tables = ("metashape-reference", "sdr")
     if suffix == ".csv":
-        return next((c.key for c in candidates(sample) if c.key in _IN_TABLES), None)
+        return next((c.key for c in candidates(sample) if c.key in in_tables), None)
     found = candidates(sample)
     by_suffix = not found and sample.head and not sample.binary and not _not_read(sample)
     return found[0].key if len(found) == 1 else _by_suffix(path) if by_suffix else None
@@ -966,14 +958,15 @@ def explain_unknown(path: Path) -> str:
     if words := _not_read(sample):
         return words
     kind = sample.binary
+    advice = "--from tells the format, mor new begins a project from tables (CSV, Parquet, spreadsheets)"
     if kind:
-        return f"this is {kind}, in no format that is read; {_TELL}"
+        return f"this is {kind}, in no format that is read; {advice}"
     if not sample.text.strip():
         return "this file is empty"
     if sample.text.lstrip().startswith("<?xml") and not sample.root:
         return "this begins as XML, but its first element cannot be read: the file is damaged"
     said = "; ".join(f"{c.key} ({c.reason})" for c in _nearest(sample))
-    return f"this is {_looks(sample)}, in no format that is read; the nearest are {said}; {_TELL}"
+    return f"this is {_looks(sample)}, in no format that is read; the nearest are {said}; {advice}"
 
 
 def _not_read(sample: Sample) -> str:
@@ -981,8 +974,6 @@ def _not_read(sample: Sample) -> str:
     lines = sample.records[:3]
     return next((words for pattern, words in _NOT_READ if any(map(pattern.search, lines))), "")
 
-
-_TELL = "--from tells the format, mor new begins a project from tables (CSV, Parquet, spreadsheets)"
 
 _NOT_READ = (
     (
@@ -1050,11 +1041,9 @@ def _looks(sample: Sample) -> str:
         return f"a table of {len(rows[0])} columns without a header, like a list of points (name, coordinates)"
     if parted:
         return parted
-    return f"text that begins with {first[:_SHOWN]!r}"
-
-
-_SHOWN = 40
-"""Letters of an unknown file that its message repeats."""
+    # Letters of an unknown file that its message repeats.
+    shown = 40
+    return f"text that begins with {first[:shown]!r}"
 
 
 def _nearest(sample: Sample) -> list[FormatCandidate]:
@@ -1100,7 +1089,9 @@ def _by_suffix(path: Path) -> str | None:
     suffixes = [suffix.lower() for suffix in path.suffixes if suffix.lower() != ".gz"]
     last = suffixes[-1] if suffixes else ""
     found = [key for key, known in FORMATS.items() if last in known.suffixes and known.read is not None]
-    return found[0] if len(found) == 1 and last not in _VAGUE else None
+    # Suffixes that many programs use: they are no reason for a format.
+    vague = (".txt", ".dat", ".out", ".raw", ".job", ".obs", ".xml", ".json", ".gz")
+    return found[0] if len(found) == 1 and last not in vague else None
 
 
 def _recognition_numbers(words: list[str]) -> int:

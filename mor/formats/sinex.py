@@ -78,7 +78,7 @@ def parameters_of(block: SinexBlock, draft: Draft) -> dict[int, Parameter]:
     """Estimated parameters by their numbers."""
     found: dict[int, Parameter] = {}
     for line, words in block.rows:
-        try:
+        with draft.at(line):
             if len(words) != 10:
                 raise ValueError(f"found {len(words)} words, expected the 10 of an estimate")
             index, type_, code, point, solution, epoch, unit, _, value, sigma = words
@@ -91,8 +91,6 @@ def parameters_of(block: SinexBlock, draft: Draft) -> dict[int, Parameter]:
             site = " ".join((code, point, solution))
             values = parse_number(value.replace("D", "E")), parse_number(sigma.replace("D", "E"))
             found[int(index)] = Parameter(type_.upper(), site, epoch, *values, line)
-        except ValueError as error:
-            draft.problem(str(error), line)
     return found
 
 
@@ -144,8 +142,6 @@ def _covariances(M: FloatArray, kind: str, block: SinexBlock, draft: Draft) -> F
 
 # ---- A SINEX file as a project on the earth: positions of all stations, observed with their full covariance matrix.
 
-_SYSTEM = "+proj=geocent +ellps=GRS80 +units=m +type=crs"
-"""Geocentric axes: what a SINEX file says of its frame."""
 _AXES = ("STAX", "STAY", "STAZ")
 
 
@@ -195,7 +191,9 @@ def _put(draft: Draft, parameters: dict[int, Parameter], Q: FloatArray) -> None:
         draft.problem("no station has an estimated position", 1)
         return
     draft.put("units", {"length": "m", "angle": "deg"})
-    draft.put("world", {"crs": _SYSTEM}, 1)
+    # Geocentric axes: what a SINEX file says of its frame.
+    system = "+proj=geocent +ellps=GRS80 +units=m +type=crs"
+    draft.put("world", {"crs": system}, 1)
     draft.table("points", ("id", "x", "y", "z"), rows)
     covariance = Q[np.ix_(places, places)]
     draft.table("observations", ("point", "x", "y", "z"), rows, type="gnss_position", covariance=covariance.tolist())
@@ -227,10 +225,6 @@ def _tell(draft: Draft, parameters: dict[int, Parameter], apriori: bool) -> None
 
 _TYPE = "gnss_position"
 _EPOCH = "00:000:00000"
-_CODE, _POINT, _SOLUTION = 4, 2, 4
-"""Letters of the code of a site, of its point, of the solution."""
-_A_LINE = 3
-_WIDTH = 21
 
 
 class Estimates(NamedTuple):
@@ -303,15 +297,17 @@ def _sites(names: list[str], file: str) -> list[str]:
         if count > 1:
             words = f"point {name!r} has {count} observed positions: a SINEX solution has one of a station"
             problems.append(Message(words, file))
+    # Letters of the code of a site, of its point, of the solution.
+    letters_of_code, letters_of_point, letters_of_solution = 4, 2, 4
     for name in names:
         words_ = name.split()
         words_ = words_ if len(words_) == 3 else [name, "A", "1"]
         code, point, solution = words_
-        fits = len(code) <= _CODE and len(point) <= _POINT and len(solution) <= _SOLUTION
+        fits = len(code) <= letters_of_code and len(point) <= letters_of_point and len(solution) <= letters_of_solution
         if not fits or set(code) & set(" \t") or not name.isascii() or not name:
             words = f"{name!r}: SINEX has codes of up to four letters (with point and solution: 'AAAA A 2')"
             problems.append(Message(words, file))
-        sites.append(f"{code:<{_CODE}} {point:>{_POINT}} {solution:>{_SOLUTION}}")
+        sites.append(f"{code:<{letters_of_code}} {point:>{letters_of_point}} {solution:>{letters_of_solution}}")
     if 3 * len(names) > MOST:
         problems.append(Message(f"found {3 * len(names)} coordinates, expected up to {MOST}: the matrix is full", file))
     if problems:
@@ -345,13 +341,15 @@ def _estimate_lines(found: Estimates, sites: list[str]) -> Iterator[str]:
 
 def _number(value: float) -> str:
     text = repr(value)
-    return f"{text if len(text) <= _WIDTH else f'{value:.14E}':>{_WIDTH}}"
+    width = 21
+    return f"{text if len(text) <= width else f'{value:.14E}':>{width}}"
 
 
 def _matrix_lines(Q: FloatArray) -> Iterator[str]:
     """The lower triangle, up to three values a line; parts that are 0 are left out, as the format allows."""
+    a_line = 3
     for i in range(len(Q)):
-        for first in range(0, i + 1, _A_LINE):
-            values = Q[i, first : min(first + _A_LINE, i + 1)]
+        for first in range(0, i + 1, a_line):
+            values = Q[i, first : min(first + a_line, i + 1)]
             if values.any():
                 yield f" {i + 1:5d} {first + 1:5d} " + " ".join(f"{value:21.14E}" for value in values.tolist())

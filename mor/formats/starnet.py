@@ -36,8 +36,6 @@ from mor.units import ANGLE_UNITS
 _HEIGHTS = re.compile(r"^(-?(?:\d+\.?\d*|\.\d+))/(-?(?:\d+\.?\d*|\.\d+))$")
 _DMS = re.compile(r"^([-+]?)(\d+)[-@:](\d+)(?:[-@:](\d+(?:\.\d*)?))?$")
 _QUADRANT = re.compile(r"^([NS])(.+?)([EW])$", re.IGNORECASE)
-SEPARATORS = "-,:;|_~^+="
-"""Signs that may stand between the names of a line: the first one, or what .SEPARATOR says."""
 STATUSES = ("!", "*", "&")
 """Fixed, free, the default: in place of a σ."""
 
@@ -100,8 +98,6 @@ def degrees(text: str) -> float:
 
 # ---- A STAR*NET network in the making: its options, points and observations, and the σ that lines do not give.
 
-ANGLES = ("angle", "direction", "bearing", "zenith")
-
 
 @dataclass(frozen=True, eq=False)
 class Instrument:
@@ -141,7 +137,6 @@ COLUMNS = {
     "angle": ("at", "from", "to", "angle", "sigma"),
     "directions": ("station", "set", "to", "horizontal", "sigma"),
 }
-NAMES = ("from", "to", "at", "station")
 Values = tuple[str | float | None, ...]
 
 
@@ -236,7 +231,8 @@ class StarNetContext:
         cells = [None if v is None else v if isinstance(v, str) else repr(float(v)) for v in values]
         instrument = self.instrument if self.is_default and any(self.instrument.centring) else None
         self.tables.setdefault((type_, instrument, self.file), []).append(Row(cells, line))
-        for name in (str(v) for v, column in zip(values, COLUMNS[type_], strict=True) if column in NAMES):
+        names = ("from", "to", "at", "station")
+        for name in (str(v) for v, column in zip(values, COLUMNS[type_], strict=True) if column in names):
             self.points.setdefault(name, ([None] * 3, [None] * 3, line))
             self.observed.add(name)
 
@@ -274,7 +270,7 @@ class StarNetContext:
         """σ of an angle (degrees) or a ``length`` (m) at a place among the words behind the values."""
         word = words[place] if place < len(words) else "&"
         self.is_default = word == "&"
-        angular = kind in ANGLES
+        angular = kind in ("angle", "direction", "bearing", "zenith")
         if word == "*":
             return "*"
         if word == "!":
@@ -560,8 +556,6 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
 # Source: project files beside the listings that STAR*NET 13 wrote of them. A data file with an odd number is switched
 # on; σ of levels is in m on the square root of a metre. STAR*NET's coefficient of refraction is half of mor's.
 
-_GRIDS = {"NEWBRUNSWICK83": "EPSG:2953", **{f"UTM83-{zone}": f"EPSG:{26900 + zone}" for zone in range(1, 24)}}
-_LENGTHS = {"METERS": 1.0, "FEET": 0.3048, "FEETUS": 1200.0 / 3937.0}
 _STD_ERR = {"angle": "angle", "direction": "direction", "azimuth": "bearing", "zenith": "zenith"}
 _STD_ERR |= {"distance": "distance", "delta_elev": "height"}
 
@@ -584,9 +578,10 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
     network.known, network.flat = True, options.get("adjustment_type") == "2D"
     units = options.get("linear_units", "Meters")
     length = units.upper().replace("INTERNATIONAL", "")
-    if length not in _LENGTHS:
-        raise ValueError(f"found the linear units {units!r}, expected one of {', '.join(_LENGTHS)}")
-    network.metres = _LENGTHS[length]
+    lengths = {"METERS": 1.0, "FEET": 0.3048, "FEETUS": 1200.0 / 3937.0}
+    if length not in lengths:
+        raise ValueError(f"found the linear units {units!r}, expected one of {', '.join(lengths)}")
+    network.metres = lengths[length]
     network.gon = options.get("angle_output_units", "DMS").upper().startswith("G")
     network.east_first = options.get("coordinate_order") == "EN"
     network.from_first = options.get("angle_station_order", "").upper() == "FROM-AT-TO"
@@ -597,7 +592,8 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
     network.deflection = (options.get("vert_defl_north", "0"), options.get("vert_defl_east", "0"))
     if options.get("local_or_grid_adjustment") == "1":
         name = options.get("coordinate_system_name", "")
-        network.crs = _GRIDS.get(name.upper().replace("/CSRS", "").removesuffix("N"), "")
+        grids = {"NEWBRUNSWICK83": "EPSG:2953", **{f"UTM83-{zone}": f"EPSG:{26900 + zone}" for zone in range(1, 24)}}
+        network.crs = grids.get(name.upper().replace("/CSRS", "").removesuffix("N"), "")
         if not network.crs:
             raise ValueError(f"found the coordinate system {name!r}, expected a zone of UTM83, or a local system")
     for found in instruments:
@@ -623,20 +619,6 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
 # told. Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5; Carlson, *SurvNet*, for files of vectors with
 # geocentric coordinates.
 
-_RESTORED = (
-    "plane",
-    "reduced",
-    "delta",
-    "east_first",
-    "from_first",
-    "metres",
-    "gon",
-    "separator",
-    "instrument",
-    "positive_west",
-)
-"""Options of the project that hold again where another data file begins."""
-
 
 def read_starnet(path: Path) -> Document:
     """The project of a STAR*NET input or project file. Raises :class:`InputError` with every mistake found."""
@@ -656,12 +638,17 @@ def read_starnet(path: Path) -> Document:
             draft.problem("the project has no data files that are switched on ([DataFileList])")
     lines = {file: list(read_lines(text)) for file, text in files.items()}
     network.plane = _is_plane([line for some in lines.values() for line in some], network)
-    start = {name: getattr(network, name) for name in _RESTORED}
+    # Options of the project that hold again where another data file begins.
+    restored = (
+        *("plane", "reduced", "delta", "east_first", "from_first"),
+        *("metres", "gon", "separator", "instrument", "positive_west"),
+    )
+    start = {name: getattr(network, name) for name in restored}
     for file, some in lines.items():
         network.resume(file, start)
         for line in some:
             if line.code == "SS":
-                options = {name: getattr(network, name) for name in _RESTORED}
+                options = {name: getattr(network, name) for name in restored}
                 network.side_shots.append((line, file, options))
             else:
                 _tried(_read_line, line, network)
@@ -676,10 +663,8 @@ def read_starnet(path: Path) -> Document:
 
 
 def _tried(read: Callable[[DataLine, StarNetContext], None], line: DataLine, network: StarNetContext) -> None:
-    try:
+    with network.draft.at(line.number, network.file, line.code):
         read(line, network)
-    except ValueError as error:
-        network.draft.problem(f"{line.code}: {error}", line.number, network.file)
 
 
 def _side_shot(line: DataLine, network: StarNetContext) -> None:
@@ -963,9 +948,6 @@ _CODES: dict[str, Callable[[DataLine, StarNetContext], None]] = {
 """What reads the lines of each code."""
 
 
-_IN_PROJECTION = {"bearing": "projected_bearing", "horizontal_distance": "height_reduced_distance"}
-
-
 def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     draft = network.draft
     draft.put("title", title)
@@ -982,7 +964,7 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
         network.put_points(columns, rows)
     if network.crs and network.refraction:
         draft.put("instruments", {"starnet": {"refraction": repr(network.refraction)}})
-    on_grid = _IN_PROJECTION if network.crs else {}
+    on_grid = {"bearing": "projected_bearing", "horizontal_distance": "height_reduced_distance"} if network.crs else {}
     for (type_, instrument, file), found in network.tables.items():
         if on_earth and type_ == "bearing" and not network.crs:
             for row in found:
@@ -1041,15 +1023,8 @@ def _dimensions(network: StarNetContext) -> str:
 # Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
 
 _TYPES = (
-    "distance",
-    "horizontal_distance",
-    "directions",
-    "zenith_directions",
-    "angle",
-    "bearing",
-    "zenith_angle",
-    "vertical_direction",
-    "height_difference",
+    *("distance", "horizontal_distance", "directions", "zenith_directions", "angle"),
+    *("bearing", "zenith_angle", "vertical_direction", "height_difference"),
 )
 """Types that STAR*NET has."""
 _SECOND = ANGLE_UNITS["arcsec"]
@@ -1094,8 +1069,7 @@ def _notes(content: Content, target: Path, guessed: int) -> list[Message]:
         words = "scales, offsets, refraction and σ of centring belong to STAR*NET's project options, not to this file"
         notes.append(Message(words, str(target)))
     if any(e.ppm for e in entries):
-        words = "σ that grow with the distance are written as they are at the observed one"
-        notes.append(Message(words, str(target)))
+        notes.append(Message("σ that grow with the distance are written as they are at the observed one", str(target)))
     if content.project.datum != "fixed":
         words = "STAR*NET has no inner constraints: hold coordinates (!) there, or the network stays without a datum"
         notes.append(Message(words, str(target)))
@@ -1115,10 +1089,12 @@ def _separator(found: ContentTable, content: Content) -> str:
             names += group.rows.text(reference.name)
     signs = set("".join(names))
     odd = [name for name in dict.fromkeys(names) if set(name) & set(" \t#'\"") or name[:1] in ".&"]
-    free = [sign for sign in SEPARATORS if sign not in signs]
+    # Signs that may stand between the names of a line: the first one, or what .SEPARATOR says.
+    separators = "-,:;|_~^+="
+    free = [sign for sign in separators if sign not in signs]
     if odd or not free:
         words = f"point {odd[0]!r}: names in STAR*NET have no blanks, # ' \" and no . or & in front" if odd else ""
-        raise InputError([Message(words or f"every one of {SEPARATORS} is in a name", content.document.file)])
+        raise InputError([Message(words or f"every one of {separators} is in a name", content.document.file)])
     return free[0]
 
 

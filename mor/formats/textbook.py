@@ -17,36 +17,14 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 # ---- Sections of a textbook network file: their headers with units, and their lines without comments.
 
-_HEADER = re.compile(r"^\s*\[\s*([^,\]]+?)\s*(?:,\s*([^,\]]*?)\s*)?(?:,\s*([^,\]]*?)\s*)?\]\s*$")
-_SHORT_UNITS = {"s": "arcsec", '"': "arcsec", "°": "deg"}
-_OTHER_NAMES = {
-    "quelle": "Source",
-    "winkel": "Angles",
-    "direction": "Directions",
-    "horizontaldistances": "Distances",
-    "azimuth": "GridBearings",
-    "3dbasislinie": "3DBaseline",
-}
-NOT_READ = ("ApproximateScale", "ApproximateAdditiveConstant")
-"""Start values of unknowns that no textbook network of this form has: left out with a note."""
 _COMMENT = re.compile(r"(?:^|(?<=\s))[%#]|%")
 """A comment; a name may contain #."""
 
 FREE_TEXT = ("Project", "Source", "Graphics")
 OBSERVED = (
-    "LevelledHeightDifferences",
-    "Distances",
-    "SpatialDistances",
-    "Directions",
-    "Angles",
-    "GridBearings",
-    "ZenithAngles",
-    "VerticalAngles",
-    "TrigonometricHeightDifferences",
-    "PositionAngles",
-    "3DBaseline",
+    *("LevelledHeightDifferences", "Distances", "SpatialDistances", "Directions", "Angles", "GridBearings"),
+    *("ZenithAngles", "VerticalAngles", "TrigonometricHeightDifferences", "PositionAngles", "3DBaseline"),
 )
-KNOWN = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
 
 
 @dataclass
@@ -79,36 +57,45 @@ def read_sections(text: str, draft: Draft) -> list[TextSection]:
 
 
 def _section(whole: str, number: int, draft: Draft) -> TextSection:
-    match = _HEADER.match(_COMMENT.split(whole, maxsplit=1)[0])
+    header = re.compile(r"^\s*\[\s*([^,\]]+?)\s*(?:,\s*([^,\]]*?)\s*)?(?:,\s*([^,\]]*?)\s*)?\]\s*$")
+    match = header.match(_COMMENT.split(whole, maxsplit=1)[0])
     if match is None:
         draft.problem(f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number)
         return TextSection("Graphics", "", "", number)
     given = match[1]
-    by_name = {name.lower(): name for name in KNOWN}
-    name = by_name.get(given.lower()) or _OTHER_NAMES.get(given.lower())
+    # Start values of unknowns that no textbook network of this form has: left out with a note.
+    not_read = ("ApproximateScale", "ApproximateAdditiveConstant")
+    known = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *not_read)
+    by_name = {name.lower(): name for name in known}
+    name = by_name.get(given.lower()) or {
+        "quelle": "Source",
+        "winkel": "Angles",
+        "direction": "Directions",
+        "horizontaldistances": "Distances",
+        "azimuth": "GridBearings",
+        "3dbasislinie": "3DBaseline",
+    }.get(given.lower())
     if name is None:
-        words = f"unknown section [{given}]{nearest(given, KNOWN)} (known: {', '.join(KNOWN)})"
-        draft.problem(words, number)
+        draft.problem(f"unknown section [{given}]{nearest(given, known)} (known: {', '.join(known)})", number)
         return TextSection("Graphics", "", "", number)
-    if name in NOT_READ:
+    if name in not_read:
         draft.note(f"[{name}] is not read", number)
     units = [_unit(text or "", number, draft) for text in (match[2], match[3])]
     return TextSection(name, units[0], units[1], number)
 
 
 def _unit(text: str, number: int, draft: Draft) -> str:
-    unit = _SHORT_UNITS.get(text, text)
+    short_units = {"s": "arcsec", '"': "arcsec", "°": "deg"}
+    unit = short_units.get(text, text)
     if unit and unit not in ANGLE_UNITS and unit not in LENGTH_UNITS:
         draft.problem(
-            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *_SHORT_UNITS))})", number
+            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *short_units))})", number
         )
         return ""
     return unit
 
 
 # ---- Coordinates and datum of a textbook network: fixed, free or observed with covariances.
-
-DATUM_KINDS = ("fix", "free", "dyn")
 
 
 @dataclass
@@ -155,10 +142,8 @@ def read_coordinates(sections: list[TextSection], estimated: str, draft: Draft) 
 def _numbers(words: list[str], line: Line, draft: Draft) -> bool:
     before = len(draft.problems)
     for word in words:
-        try:
+        with draft.at(line.number):
             parse_number(word)
-        except ValueError as error:
-            draft.problem(str(error), line.number)
     return len(draft.problems) == before
 
 
@@ -166,14 +151,15 @@ def _read_datum(section: TextSection, coordinates: Coordinates, draft: Draft) ->
     kind = ""
     coordinates.datum_line = section.number
     before = len(coordinates.covariance)
+    datum_kinds = ("fix", "free", "dyn")
     for line in section.lines:
         words = list(line.words)
-        if words[0].lower() in DATUM_KINDS:
+        if words[0].lower() in datum_kinds:
             kind = words.pop(0).lower()
             if kind == "free":
                 coordinates.free = coordinates.free or []
         if not kind:
-            draft.problem(f"found {words[0]!r}, expected {', '.join(DATUM_KINDS)}", line.number)
+            draft.problem(f"found {words[0]!r}, expected {', '.join(datum_kinds)}", line.number)
             return
         if kind == "dyn" and words:
             component = _component(words[0], coordinates, line, draft)
@@ -232,20 +218,6 @@ def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) ->
     )
     draft.problem(f"found {word!r}, expected {expected} of [Coordinates]", line.number)
     return None
-
-
-def put_coordinates(coordinates: Coordinates, draft: Draft) -> None:
-    """Tables of points by their fixed components, observed coordinates, and the datum."""
-    tables: dict[str, list[Row]] = {}
-    for name, texts in coordinates.texts.items():
-        held = "".join(c for c in coordinates.estimated if (name, c) in coordinates.fixed)
-        tables.setdefault(held, []).append(Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name]))
-    for held, rows in tables.items():
-        draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
-    if coordinates.free is not None:
-        draft.put("datum", _free(coordinates), coordinates.datum_line)
-    if coordinates.covariance:
-        _put_observed(coordinates, draft)
 
 
 def _free(coordinates: Coordinates) -> dict[str, object]:
@@ -321,10 +293,25 @@ def read_krumm(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "gon"})
     draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
     coordinates = read_coordinates(sections, estimated, draft)
-    put_coordinates(coordinates, draft)
+    # Tables of points by their fixed components, observed coordinates, and the datum.
+    tables: dict[str, list[Row]] = {}
+    for name, texts in coordinates.texts.items():
+        held = "".join(c for c in coordinates.estimated if (name, c) in coordinates.fixed)
+        tables.setdefault(held, []).append(Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name]))
+    for held, rows in tables.items():
+        draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
+    if coordinates.free is not None:
+        draft.put("datum", _free(coordinates), coordinates.datum_line)
+    if coordinates.covariance:
+        _put_observed(coordinates, draft)
     _put_orientations([section for section in sections if section.name == "ApproximateOrientation"], draft)
     for section in observed:
-        _put_section(section, draft)
+        if section.name == "LevelledHeightDifferences":
+            _put_levelling(section, draft)
+        elif section.name == "3DBaseline":
+            _put_baselines(section, draft)
+        else:
+            _put_plain(section, KINDS[section.name], draft)
     settings = {"dimensions": estimated}
     for section in sections:
         if (
@@ -351,15 +338,6 @@ def _is_positive(word: str, line: Line, draft: Draft) -> bool:
     if not good:
         draft.problem(f"found {word!r}, expected a number > 0", line.number)
     return good
-
-
-def _put_section(section: TextSection, draft: Draft) -> None:
-    if section.name == "LevelledHeightDifferences":
-        _put_levelling(section, draft)
-    elif section.name == "3DBaseline":
-        _put_baselines(section, draft)
-    else:
-        _put_plain(section, KINDS[section.name], draft)
 
 
 def _put_plain(section: TextSection, kind: KrummKind, draft: Draft) -> None:

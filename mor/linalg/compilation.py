@@ -44,7 +44,6 @@ ASKED = "MOR_KERNELS"
 MISSING = "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
 COMPILING = "compiling the kernels, which takes some minutes, once only"
 FAILED = "the compiled kernels cannot be used; NumPy gives the same results but is slower: {reason}"
-DAMAGED = "the cache of kernels is damaged, mor compile renews it: {file}"
 
 # Sums may be reordered and multiply-adds fused, so that inner products use vector registers; infinities and
 # not-a-numbers keep their meaning, unlike under numba's unrestricted ``fastmath=True``.
@@ -145,9 +144,10 @@ def _decided(observations: int, times: int) -> bool:
                     _compile_apart()
                 # Take all kernels from the cache; raises where it is not whole.
                 folder = _folder()
+                damaged = "the cache of kernels is damaged, mor compile renews it: {file}"
                 for name, checksum in json.loads((folder / _SEAL).read_text()).items():
                     if _checksum(folder / name) != checksum:
-                        raise _UnusableError(DAMAGED.format(file=folder / name))
+                        raise _UnusableError(damaged.format(file=folder / name))
                 with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
                     os.utime(folder)
                 for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):
@@ -277,8 +277,6 @@ def _imported() -> Any:
 # The cache: a folder for each state of the sources, of Numba and of the processor.
 
 _SEAL, _SIGNATURES = "seal.json", "signatures"
-_ABANDONED, _OLD = 86_400.0, 90 * 86_400.0
-"""Age (s) of a folder that is being filled, and that nobody fills any more; of one that nobody has used for long."""
 _compiling: list[Path] = []
 """The folder that this process fills."""
 
@@ -394,22 +392,23 @@ def _compile_apart() -> None:
 
 def _remove_unused(root: Path) -> None:
     """Remove caches that nobody has used for long, and what runs that were killed have left."""
+    # Age (s) of a folder that is being filled, and that nobody fills any more; of one that nobody has used for long.
+    abandoned, old = 86_400.0, 90 * 86_400.0
     for folder in root.glob("kernels-*"):
         with suppress(OSError):
             age = time.time() - folder.stat().st_mtime
-            if age > (_ABANDONED if folder.suffix else _OLD):
+            if age > (abandoned if folder.suffix else old):
                 shutil.rmtree(folder)
 
 
 # Which is sooner done: by the speed of this machine, measured once.
 
-_NUMPY_ROUNDS, _PYTHON_ROUNDS = 0.36, 300_000.0
-"""Rounds of :func:`_measured`: in NumPy those an observation takes (0.1 ms), in Python those of compiling (180 s)."""
-
 
 def _compiling_is_sooner(observations: int) -> bool:
     numpy, python = _speed()
-    return observations * _NUMPY_ROUNDS / numpy > _PYTHON_ROUNDS / python
+    # Rounds of :func:`_measured`: in NumPy those an observation takes (0.1 ms), in Python those of compiling (180 s).
+    numpy_rounds, python_rounds = 0.36, 300_000.0
+    return observations * numpy_rounds / numpy > python_rounds / python
 
 
 def _speed() -> tuple[float, float]:

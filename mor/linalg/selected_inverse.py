@@ -21,7 +21,6 @@ from mor.types import FloatArray
 
 Watcher = Callable[[float], None]
 """Told how many more operations are done."""
-_TELLINGS = 100
 
 
 def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatrix:
@@ -68,7 +67,7 @@ def _tellings(plan: Elimination) -> dict[int, float]:
     done = np.cumsum(operations(plan)[::-1])
     if len(done) == 0:
         return {}
-    steps = np.floor(done * (_TELLINGS / done[-1]))
+    steps = np.floor(done * (100 / done[-1]))
     ends = np.flatnonzero(np.diff(steps, prepend=0.0) > 0.0)
     return dict(zip((len(done) - 1 - ends).tolist(), np.diff(done[ends], prepend=0.0).tolist(), strict=True))
 

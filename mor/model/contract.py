@@ -58,7 +58,8 @@ class Names:
 
     def column(self) -> Coded:
         """The same as places in a column of names: of all that are known, or of those that are used by few rows."""
-        if len(self.known) <= _MANY * len(self.numbers):
+        # Names for each row from which on the others are not made texts of.
+        if len(self.known) <= 50 * len(self.numbers):
             return Coded(_column_of(self.known), self.numbers)
         used, numbers = np.unique(self.numbers, return_inverse=True)
         return Coded(pl.Series([self.known[number] for number in used], dtype=pl.String), numbers)
@@ -79,9 +80,6 @@ class Coded(NamedTuple):
         return pl.lit(self.known).gather(pl.lit(pl.Series(self.numbers[rows])))
 
 
-_MANY = 50
-"""Names for each row from which on the others are not made texts of."""
-_KEPT = 4
 _columns: list[tuple[Sequence[str], pl.Series]] = []
 """The lists of names asked for last, as columns: a long table is made in many pieces of the same names."""
 
@@ -91,7 +89,8 @@ def _column_of(known: Sequence[str]) -> pl.Series:
         if own is known:
             return column
     column = pl.Series(known, dtype=pl.String)
-    _columns[:] = [(known, column), *_columns[: _KEPT - 1]]
+    kept = 4
+    _columns[:] = [(known, column), *_columns[: kept - 1]]
     return column
 
 

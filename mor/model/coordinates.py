@@ -148,8 +148,6 @@ OBSERVED_DIFFERENCES = {kind.key: observed_difference(kind) for kind in KINDS.va
 # the frame of its leading image, its base b* (else 0). Every type that takes positions gets a twin that takes
 # projection centres.
 
-_ARM = (("rotation", "rotation"), ("eccentricity", "eccentricity"), ("base", "base"))
-
 
 def to_projection_centres(type_: ObservationType) -> ObservationType:
     """The twin of a type whose positions may be projection centres.
@@ -160,7 +158,8 @@ def to_projection_centres(type_: ObservationType) -> ObservationType:
     ends = [reference.name for reference in type_.references if reference.among == POSITIONS]
     at = {end: _slot_of(type_, end, "position") for end in ends}
     low = [end for end in ends if _slot_of(type_, end, "height") < 0]
-    extra = [Slot(kind, end, part) for end in ends for kind, part in _ARM]
+    arm = (("rotation", "rotation"), ("eccentricity", "eccentricity"), ("base", "base"))
+    extra = [Slot(kind, end, part) for end in ends for kind, part in arm]
     extra += [Slot("height", end, "height") for end in low]
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -219,13 +218,15 @@ def at_infinity(type_: ObservationType) -> ObservationType:
     Slots: those of ``type_`` that are no lengths, and a rotation instead of the point.
     """
     target = target_slot(type_)
-    kept = tuple(k for k, slot in enumerate(type_.slots) if slot.kind not in _LENGTHS and slot.kind != "point")
+    # Kinds of blocks that are nothing beside an infinite distance, also per second, and their sizes.
+    lengths = {"height": 1, "eccentricity": 3, "base": 3, "image velocity": 3}
+    kept = tuple(k for k, slot in enumerate(type_.slots) if slot.kind not in lengths and slot.kind != "point")
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         D = blocks[-1]
         near = {k: _without_lengths(type_.slots[k], b) for k, b in zip(kept, blocks[:-1], strict=True)}
         near[target] = D[:, 2, :]
-        nothing = [np.zeros((len(D), _LENGTHS.get(slot.kind, 3))) for slot in type_.slots]
+        nothing = [np.zeros((len(D), lengths.get(slot.kind, 3))) for slot in type_.slots]
         filled = [near.get(k, zero) for k, zero in enumerate(nothing)]
         computed = type_.equation(filled, constants)
         by_turn = computed.jacobians[target] @ np.swapaxes(D, 1, 2) @ TURNED_AXIS
@@ -239,10 +240,6 @@ def at_infinity(type_: ObservationType) -> ObservationType:
         equation=equation,
         distances=None,
     )
-
-
-_LENGTHS = {"height": 1, "eccentricity": 3, "base": 3, "image velocity": 3}
-"""Kinds of blocks that are nothing beside an infinite distance, also per second, and their sizes."""
 
 
 def _without_lengths(slot: Slot, array: FloatArray) -> FloatArray:

@@ -28,22 +28,6 @@ from mor.model.geodetic import End, ends_of
 from mor.model.shapes import PERPENDICULAR_TYPES, SHAPE_TYPES
 from mor.types import FloatArray
 
-_ABOUT_VERTICAL = (
-    "distance",
-    "horizontal_distance",
-    "distance_ratio",
-    "directions",
-    "zenith_directions",
-    "bearing",
-    "vertical_direction",
-    "zenith_angle",
-    "angle",
-    "spatial_angle",
-)
-_CARTESIAN = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
-_IMAGES = ("image/", "follower/")
-"""What the keys of image coordinates begin with."""
-
 
 @cache
 def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) -> ObservationType:
@@ -52,10 +36,17 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
     ``metres`` per unit of length: the default of the constant ``earth radius``, which is in metres, becomes that of
     the sphere, so that the coefficient of refraction refers to it.
     """
-    if type_.key not in (*_ABOUT_VERTICAL, *_CARTESIAN) and not type_.key.startswith(_IMAGES):
+    cartesian = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
+    about_vertical = (
+        *("distance", "horizontal_distance", "distance_ratio", "directions", "zenith_directions"),
+        *("bearing", "vertical_direction", "zenith_angle", "angle", "spatial_angle"),
+    )
+    # What the keys of image coordinates begin with.
+    images = ("image/", "follower/")
+    if type_.key not in (*about_vertical, *cartesian) and not type_.key.startswith(images):
         return type_
     ends = ends_of(type_)
-    levelled, arc = type_.key in _ABOUT_VERTICAL, type_.key == "horizontal_distance"
+    levelled, arc = type_.key in about_vertical, type_.key == "horizontal_distance"
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         own = list(blocks)

@@ -22,9 +22,6 @@ EARTH_RADIUS = 6_371_000.0
 GRS80 = (6_378_137.0, 1.0 / 298.257222101)
 """Semi-major axis (metres) and flattening."""
 
-_ROUNDS = 4
-"""Of Bowring's formula: an error of 1 in the parametric latitude falls below 10⁻¹⁵ at heights up to 10 000 km."""
-
 
 _MOST_ROUNDS = 40
 """For a foot: each makes the error smaller by height over radius; on the ground two or three are enough."""
@@ -58,7 +55,9 @@ class Ellipsoid(NamedTuple):
         from_axis = np.hypot(x, y)
         parametric = np.arctan2(z * self.a, from_axis * b)
         latitude = parametric
-        for _ in range(_ROUNDS):
+        # Of Bowring's formula: an error of 1 in the parametric latitude falls below 10⁻¹⁵ at heights up to 10 000 km.
+        rounds = 4
+        for _ in range(rounds):
             latitude = np.arctan2(
                 z + self.e2 / (1.0 - self.e2) * b * np.sin(parametric) ** 3,
                 from_axis - self.e2 * self.a * np.cos(parametric) ** 3,

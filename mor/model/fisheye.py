@@ -242,22 +242,21 @@ OPENCV = CameraModel(
 
 # ---- The FOV camera of Devernay and Faugeras, as COLMAP has it, in this program's image axes.
 
-_SERIES = 0.01
-"""Below this q the series of h and h' is exact to the last digit: its first term left out is q⁹/19."""
-_TERMS = 9
-
 
 def _arctangent(q: FloatArray) -> tuple[FloatArray, FloatArray]:
     """h = atan(√q)/√q and dh/dq, both (n,), for q ≥ 0; at q = 0 they are 1 and −1/3."""
-    small = q < _SERIES
+    # Below this q the series of h and h' is exact to the last digit: its first term left out is q⁹/19.
+    series = 0.01
+    small = q < series
     safe = np.where(small, 1.0, q)
     root = np.sqrt(safe)
     h = np.arctan(root) / root
     slope = (1.0 / (1.0 + safe) - h) / (2.0 * safe)
     near = np.where(small, q, 0.0)
-    signs = [(-1.0) ** i / (2 * i + 1) for i in range(_TERMS + 1)]
+    terms = 9
+    signs = [(-1.0) ** i / (2 * i + 1) for i in range(terms + 1)]
     h_near = np.polynomial.polynomial.polyval(near, signs)
-    slope_near = np.polynomial.polynomial.polyval(near, [i * signs[i] for i in range(1, _TERMS + 1)])
+    slope_near = np.polynomial.polynomial.polyval(near, [i * signs[i] for i in range(1, terms + 1)])
     return np.where(small, h_near, h), np.where(small, slope_near, slope)
 
 

@@ -42,12 +42,12 @@ DEFLECTIONS = ("deflection_north", "deflection_east")
 """ξ and η of the plumb line, north and east positive: the astronomic zenith lies there from the geodetic one."""
 GEOID = "geoid"
 """Height N of the geoid above the ellipsoid."""
-_QUANTITIES = {**dict.fromkeys(DEFLECTIONS, ANGLE), GEOID: LENGTH}
 
 
 def end_constants(ends: Sequence[str], names: Sequence[str]) -> tuple[Component, ...]:
     """Constants of a type that belong to the points at its ends: ``geoid of from``."""
-    return tuple(Component(f"{name} of {end}", _QUANTITIES[name]) for end in ends for name in names)
+    quantities = {**dict.fromkeys(DEFLECTIONS, ANGLE), GEOID: LENGTH}
+    return tuple(Component(f"{name} of {end}", quantities[name]) for end in ends for name in names)
 
 
 class End(NamedTuple):
@@ -70,12 +70,6 @@ def ends_of(type_: ObservationType) -> tuple[End, ...]:
 #
 # The chord c joins the feet of both marks on the ellipsoid. The arc above it is that of the circle with
 # Euler's radius R in the azimuth of the line at its middle, s = 2R asin(c / 2R).
-
-_SLOTS = (
-    Slot("point", "from", "position"),
-    Slot("point", "to", "position"),
-    Slot("distance meter", "instrument", "distance meter"),
-)
 
 
 class Reduced(NamedTuple):
@@ -173,7 +167,11 @@ def _type(
         drawn="distance",
         components=(Component("distance", LENGTH),),
         references=FROM_TO,
-        slots=_SLOTS,
+        slots=(
+            Slot("point", "from", "position"),
+            Slot("point", "to", "position"),
+            Slot("distance meter", "instrument", "distance meter"),
+        ),
         equation=equation,
         constants=constants,
         distances=("from", "to"),
@@ -455,12 +453,6 @@ def _about_vertical(type_: ObservationType, horizon: Horizon, constants: tuple[C
 
 # ---- Observed coordinates in the projection of the project: antennas of cameras, control that is measured again.
 
-PLACE = tuple(Component(f"given {name}", LENGTH) for name in "xyz")
-"""Object coordinates of what was observed."""
-GRID = tuple(Component(f"grid {name}", NUMBER) for name in ("ee", "en", "ne", "nn"))
-"""∂(east, north)/∂(e, n) there: scale and convergence of the projection."""
-OBSERVED = tuple(Component(f"observed {name}", LENGTH) for name in ("east", "north", "height"))
-
 
 def projected_position(horizon: Horizon) -> ObservationType:
     """(east, north, height) of a position, the projection linearised where the position was observed.
@@ -475,13 +467,18 @@ def projected_position(horizon: Horizon) -> ObservationType:
         moved = np.einsum("nij,nj->ni", by_position, blocks[0] - place)
         return Computed(observed + moved, (by_position,))
 
+    # Object coordinates of what was observed.
+    given_place = tuple(Component(f"given {name}", LENGTH) for name in "xyz")
+    # ∂(east, north)/∂(e, n) there: scale and convergence of the projection.
+    grid_factors = tuple(Component(f"grid {name}", NUMBER) for name in ("ee", "en", "ne", "nn"))
+    observed_coordinates = tuple(Component(f"observed {name}", LENGTH) for name in ("east", "north", "height"))
     return ObservationType(
         key="projected_position",
         components=tuple(Component(name, LENGTH) for name in ("east", "north", "height")),
         references=(Reference("point", POSITIONS),),
         slots=(Slot("point", "point", "position"),),
         equation=equation,
-        constants=(*PLACE, *GRID, *OBSERVED),
+        constants=(*given_place, *grid_factors, *observed_coordinates),
     )
 
 
@@ -595,11 +592,6 @@ def is_open(type_: ObservationType) -> bool:
 
 CONVERGENCE = Component("convergence", ANGLE)
 """Constant of a row: the direction of grid north, clockwise from true north; NaN: that at the image."""
-_ATTITUDE_SLOTS = (
-    Slot("point", "image", "position"),
-    Slot("rotation", "image", "rotation"),
-    Slot("rotation", "instrument", "boresight"),
-)
 Reading = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From D′ (n, 3, 3) to its three angles (n, 3), and their derivatives (n, 3, 3) by a small rotation."""
 
@@ -679,7 +671,11 @@ def _attitude(key: str, names: Sequence[str], equation: Attitude, constants: tup
         key=key,
         components=tuple(Component(name, ANGLE) for name in names),
         references=(Reference("image", ("image",)),),
-        slots=_ATTITUDE_SLOTS,
+        slots=(
+            Slot("point", "image", "position"),
+            Slot("rotation", "image", "rotation"),
+            Slot("rotation", "instrument", "boresight"),
+        ),
         equation=equation,
         constants=constants,
     )
@@ -718,17 +714,6 @@ def _navigation(D: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 # ---- The types there are on the earth, made for the object system of a network.
 
-_ABOUT_PLUMB_LINE = (
-    DISTANCE,
-    HORIZONTAL_DISTANCE,
-    DISTANCE_RATIO,
-    DIRECTIONS,
-    ZENITH_DIRECTIONS,
-    VERTICAL_DIRECTION,
-    ZENITH_ANGLE,
-    ANGLE_TYPE,
-    SPATIAL_ANGLE,
-)
 _OF_THE_EARTH = (
     gnss_vector,
     gnss_position,
@@ -762,8 +747,19 @@ NOT_ON_EARTH = {
 
 def earth_types(horizon: Horizon) -> dict[str, ObservationType]:
     """All types of a project with ``world``, by their keys."""
+    of_plumb_line = (
+        DISTANCE,
+        HORIZONTAL_DISTANCE,
+        DISTANCE_RATIO,
+        DIRECTIONS,
+        ZENITH_DIRECTIONS,
+        VERTICAL_DIRECTION,
+        ZENITH_ANGLE,
+        ANGLE_TYPE,
+        SPATIAL_ANGLE,
+    )
     types = [
-        *(about_plumb_line(type_, horizon) for type_ in _ABOUT_PLUMB_LINE),
+        *(about_plumb_line(type_, horizon) for type_ in of_plumb_line),
         LOCAL,
         LEVEL,
         _as("azimuth", _about_vertical(BEARING, horizon, BEARING.constants)),

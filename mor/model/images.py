@@ -209,10 +209,12 @@ def meet(
 
     found = seen(measured)
     before = np.full(len(measured), np.inf)
+    # Rounds after which a point whose step does not halve will never meet the shutter, and others do not wait for it.
+    doubtful = 4
     for number in range(20):
         step = found.changed(found.projection.xy - found.xy)
         size = np.abs(step).max(axis=1, initial=0.0)
-        nears = size < 0.5 * before if number >= _DOUBTFUL else np.ones(len(size), dtype=bool)
+        nears = size < 0.5 * before if number >= doubtful else np.ones(len(size), dtype=bool)
         # Part of the image coordinates by which a point may still move when it has met the shutter.
         if not _largest(size[nears]) > 1e-13 * _largest(np.abs(found.xy)):
             break
@@ -239,8 +241,6 @@ def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
     return replace(group, type=frame, blocks=blocks, constants=group.constants[:, : len(frame.constants)])
 
 
-_DOUBTFUL = 4
-"""Rounds after which a point whose step does not halve will never meet the shutter, and others do not wait for it."""
 MOVING = "moving"
 """What the keys of these types begin with."""
 MOVING_TYPES = {model.key: moving_image_coordinates(model) for model in CAMERA_MODELS.values()}
@@ -424,8 +424,6 @@ def is_read_out_along(type_: ObservationType) -> bool:
 # and θ cot θ ≤ 1 across it (H. Karcher 1977). So a Gauss-Newton step does not overshoot on the sphere,
 # however far off the ray is. The interior orientation is taken as it is.
 
-RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
-"""Constants of a row: the measured ray u, of unit length."""
 _KEY = "on the sphere "
 
 
@@ -441,7 +439,9 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
         return None
     if form == MOVING:
         return on_the_sphere(IMAGE_TYPES[key])
-    model = CAMERA_MODELS[key]._replace(project=_arcs, constants=RAY)
+    # Constants of a row: the measured ray u, of unit length.
+    measured = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
+    model = CAMERA_MODELS[key]._replace(project=_arcs, constants=measured)
     found = image_coordinates(model, FOLLOWER_SLOTS if form == "follower" else ())
     return found._replace(key=_KEY + type_.key)
 

@@ -85,13 +85,6 @@ def _any_inside(flat: FloatArray, ear: tuple[int, int, int], left: list[int]) ->
 
 _LEAF = 4
 """Triangles in the smallest boxes."""
-_BITS = 10
-_NOWHERE = 1e100
-"""Where boxes without a triangle are."""
-_STILL = 1e-150
-"""Step of a sight along an axis on which it does not move."""
-_AT_A_TIME = 2_000
-"""Sights that go down the tree together: their pairs with boxes stay in the cache."""
 _BESIDE = 1e-9
 """Part of a triangle beside its edges that still is it: nothing is seen through the joint of two faces."""
 
@@ -121,7 +114,9 @@ def triangles(corners: FloatArray, normals: FloatArray | None = None) -> Triangl
     order = _along_curve(corners.mean(axis=1))
     corners, normals = corners[order], normals[order]
     leaves = 1 << max(0, int(np.ceil(np.log2(max(len(order), 1) / _LEAF))))
-    low, high = np.full((leaves * _LEAF, 3), _NOWHERE), np.full((leaves * _LEAF, 3), -_NOWHERE)
+    # Where boxes without a triangle are.
+    nowhere = 1e100
+    low, high = np.full((leaves * _LEAF, 3), nowhere), np.full((leaves * _LEAF, 3), -nowhere)
     low[: len(order)], high[: len(order)] = corners.min(axis=1), corners.max(axis=1)
     level = low.reshape(leaves, _LEAF, 3).min(axis=1), high.reshape(leaves, _LEAF, 3).max(axis=1)
     boxes = [level]
@@ -144,9 +139,10 @@ def _along_curve(places: FloatArray) -> IntArray:
         return np.zeros(0, dtype=np.int64)
     low = places.min(axis=0)
     size = max(float((places.max(axis=0) - low).max()), 1e-300)
-    cell = ((places - low) / size * ((1 << _BITS) - 1)).astype(np.int64)
+    bits = 10
+    cell = ((places - low) / size * ((1 << bits) - 1)).astype(np.int64)
     key = np.zeros(len(places), dtype=np.int64)
-    for bit in range(_BITS):
+    for bit in range(bits):
         for axis in range(3):
             key |= ((cell[:, axis] >> bit) & 1) << (3 * bit + axis)
     return np.argsort(key, kind="stable")
@@ -158,7 +154,9 @@ def hidden(origins: FloatArray, targets: FloatArray, some: Triangles, clearance:
     A triangle whose plane is not further from either of the two than ``clearance`` is not in the way: it is what the
     target is fixed to.
     """
-    parts = [slice(first, first + _AT_A_TIME) for first in range(0, len(targets), _AT_A_TIME)]
+    # Sights that go down the tree together: their pairs with boxes stay in the cache.
+    at_a_time = 2_000
+    parts = [slice(first, first + at_a_time) for first in range(0, len(targets), at_a_time)]
     found = [_hidden(origins[part], targets[part], some, clearance) for part in parts]
     return np.concatenate([np.zeros(0, dtype=bool), *found])
 
@@ -166,7 +164,9 @@ def hidden(origins: FloatArray, targets: FloatArray, some: Triangles, clearance:
 def _hidden(origins: FloatArray, targets: FloatArray, some: Triangles, clearance: float) -> BoolArray:
     found = np.zeros(len(targets), dtype=bool)
     step = targets - origins
-    inverse = 1.0 / np.where(np.abs(step) < _STILL, _STILL, step)
+    # Step of a sight along an axis on which it does not move.
+    still = 1e-150
+    inverse = 1.0 / np.where(np.abs(step) < still, still, step)
 
     def meets(sight: IntArray, low: FloatArray, high: FloatArray) -> BoolArray:
         return _through_boxes(origins[sight], inverse[sight], low, high)

@@ -136,9 +136,11 @@ def apparent_points(port: Port, star: FloatArray, parameters: FloatArray) -> App
     points, q = star.T.copy(), parameters.T.copy()
     found, off = points.copy(), np.full(len(star), np.inf)
     distance = np.sqrt(_dot(points, points))
+    # Last step, as a part of the distance: Newton's method doubles the digits, so the next one is round-off.
+    enough = 1e-9
     with np.errstate(all="ignore"):
         for _ in range(20):
-            left = np.flatnonzero(off > _REACHED)
+            left = np.flatnonzero(off > enough)
             if len(left) == 0:
                 break
             reached, by = _trace(port, found[:, left], q[:, left], by_port=False)
@@ -148,15 +150,11 @@ def apparent_points(port: Port, star: FloatArray, parameters: FloatArray) -> App
         _, by = _trace(port, found, q, by_port=True)
         inverse = _inverted(by[:, :3])
         by_port = -_product(inverse, by[:, 3:])
-    found[:, ~(off <= _REACHED)] = np.nan
-    by_port[np.abs(by_port) < _ROUND_OFF * distance] = 0.0
+    found[:, ~(off <= enough)] = np.nan
+    # Derivatives, as parts of the distance, that are none: those by the radius of a dome round the projection centre.
+    round_off = 1e-12
+    by_port[np.abs(by_port) < round_off * distance] = 0.0
     return Apparent(found.T, np.moveaxis(inverse, 2, 0), np.moveaxis(by_port, 2, 0))
-
-
-_REACHED = 1e-9
-"""Last step, as a part of the distance: Newton's method doubles the digits, so the next one is round-off."""
-_ROUND_OFF = 1e-12
-"""Derivatives, as parts of the distance, that are none: those by the radius of a dome round the projection centre."""
 
 
 def _trace(port: Port, apparent: FloatArray, parameters: FloatArray, *, by_port: bool) -> tuple[FloatArray, FloatArray]:

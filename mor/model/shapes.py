@@ -175,7 +175,6 @@ def _origin(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
     )
 
 
-_BETWEEN = (Reference("from", ("feature",)), Reference("to", ("feature",)))
 _ROTATIONS = (("rotation", "rotation"), ("rotation", "turn"))
 _SYSTEM = (("point", "position"), *_ROTATIONS, ("eccentricity", "offset"))
 
@@ -183,11 +182,12 @@ _SYSTEM = (("point", "position"), *_ROTATIONS, ("eccentricity", "offset"))
 def _relation(
     key: str, quantity: Quantity, names: tuple[str, ...], slots: tuple[tuple[str, str], ...], equation: Equation
 ) -> ObservationType:
+    between = (Reference("from", ("feature",)), Reference("to", ("feature",)))
     return ObservationType(
         key=key,
         components=tuple(Component(name, quantity) for name in names),
-        references=_BETWEEN,
-        slots=tuple(Slot(kind, end.name, part) for end in _BETWEEN for kind, part in slots),
+        references=between,
+        slots=tuple(Slot(kind, end.name, part) for end in between for kind, part in slots),
         equation=equation,
     )
 

@@ -253,15 +253,6 @@ ZENITH_ANGLE = ObservationType(
 
 # ---- Horizontal and vertical directions of a theodolite, a frame like an image (MOR eqs. 6-9).
 
-SLOTS = (
-    Slot("point", "station", "position"),
-    Slot("rotation", "station", "rotation"),
-    Slot("height", "station", "height"),
-    Slot("point", "to", "position"),
-    Slot("height", "to", "height"),
-    REFRACTION_SLOT,
-)
-
 
 def first_face(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
     """r_h = atan2(X*, Y*), r_v = atan(Z*/√(X*² + Y*²)) + k s_h/(2R)."""
@@ -315,7 +306,14 @@ def _direction_type(key: str, vertical: str, zenith: bool) -> ObservationType:
         drawn="direction",
         components=(Component("horizontal", ANGLE), Component(vertical, ANGLE)),
         references=(Reference("station", ("station",)), Reference("to", POSITIONS)),
-        slots=SLOTS,
+        slots=(
+            Slot("point", "station", "position"),
+            Slot("rotation", "station", "rotation"),
+            Slot("height", "station", "height"),
+            Slot("point", "to", "position"),
+            Slot("height", "to", "height"),
+            REFRACTION_SLOT,
+        ),
         equation=_on_the_circle(zenith),
         constants=(RADIUS, FACE),
         tell_face=face_of_zenith if zenith else face_of_vertical,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.contract import Computed, ObservationType, Reference, Slot
+from mor.model.contract import Computed, Equation, ObservationType, Reference, Slot
 from mor.model.motion import Path, TrajectoryPoses, by_ends, path_of, right_jacobian, small_rotations
 from mor.model.parameters import ATTITUDE_SHIFT, MOTIONS, POSITION_SHIFT, TIME_OFFSET
 from mor.model.rotations import angles_by_tangent, angles_from_rotation, by_rotation, exponential
@@ -213,9 +213,7 @@ def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray
 # and the same of attitudes with the small rotations θ between neighbouring knots, exp(−[θ]×) D₁ = D₂, instead of the
 # differences: rates of rotation, and their changes, about the axes of the trajectory.
 
-ACCELERATION = Quantity(length=1, time=-2)
-TURN_ACCELERATION = Quantity(angle=1, time=-2)
-_BEFORE, _AFTER = Component("time before", TIME), Component("time after", TIME)
+_ACCELERATION, _TURNING = Quantity(length=1, time=-2), Quantity(angle=1, time=-2)
 
 
 def _constant_position(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -259,25 +257,28 @@ def _factors(constants: FloatArray) -> tuple[FloatArray, FloatArray]:
     return tuple((2.0 / (interval * (before + after)))[:, None, None] for interval in (before, after))  # type: ignore[return-value]
 
 
-def _type(key: str, kind: str, names: tuple[str, ...], quantity: Quantity, equation: object) -> ObservationType:
+def _type(key: str, kind: str, names: tuple[str, ...], quantity: Quantity, equation: Equation) -> ObservationType:
     count = 2 if "constancy" in key else 3
     return ObservationType(
         key=key,
         components=tuple(Component(name, quantity) for name in names),
         references=(Reference("trajectory", ("trajectory",)),),
         slots=tuple(Slot(kind, "trajectory", f"{kind} {k}") for k in range(count)),
-        equation=equation,  # type: ignore[arg-type]
-        constants=(_BEFORE, _AFTER)[: count - 1],
+        equation=equation,
+        constants=(Component("time before", TIME), Component("time after", TIME))[: count - 1],
     )
 
 
-_V, _RATE = ("vx", "vy", "vz"), ("rate_x", "rate_y", "rate_z")
-_A, _TURN = ("ax", "ay", "az"), ("turn_ax", "turn_ay", "turn_az")
-CONSTANT_POSITION = _type("constancy of position", "point", _V, SPEED, _constant_position)
-CONSTANT_ATTITUDE = _type("constancy of attitude", "rotation", _RATE, TURN_RATE, _constant_attitude)
-SMOOTH_POSITION = _type("smoothness of position", "point", _A, ACCELERATION, _smooth_position)
-SMOOTH_ATTITUDE = _type("smoothness of attitude", "rotation", _TURN, TURN_ACCELERATION, _smooth_attitude)
-STEADINESS = (CONSTANT_POSITION, CONSTANT_ATTITUDE, SMOOTH_POSITION, SMOOTH_ATTITUDE)
+STEADINESS = {
+    (type_.key.split()[0], type_.key.split()[-1]): type_
+    for type_ in (
+        _type("constancy of position", "point", ("vx", "vy", "vz"), SPEED, _constant_position),
+        _type("constancy of attitude", "rotation", ("rate_x", "rate_y", "rate_z"), TURN_RATE, _constant_attitude),
+        _type("smoothness of position", "point", ("ax", "ay", "az"), _ACCELERATION, _smooth_position),
+        _type("smoothness of attitude", "rotation", ("turn_ax", "turn_ay", "turn_az"), _TURNING, _smooth_attitude),
+    )
+}
+"""Types by the keys of a trajectory that ask for them, as ("constancy", "position")."""
 
 
 # ---- Observations of points that move: a position is a linear function of parameters at the time of the observation.

@@ -14,17 +14,6 @@ from mor.errors import InputError, Message
 from mor.input_files import read_bytes
 from mor.types import FloatArray, IntArray
 
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-}
-
 
 class Mesh(NamedTuple):
     """A mesh as its file has it."""
@@ -128,6 +117,16 @@ def _ply_header(content: bytes) -> tuple[str, list[_Element], bytes, int]:
     order: str | None = None
     elements: list[_Element] = []
     lines = head.decode("ascii", errors="replace").splitlines()
+    numpy_types = {
+        **dict.fromkeys(("char", "int8"), "i1"),
+        **dict.fromkeys(("uchar", "uint8"), "u1"),
+        **dict.fromkeys(("short", "int16"), "i2"),
+        **dict.fromkeys(("ushort", "uint16"), "u2"),
+        **dict.fromkeys(("int", "int32"), "i4"),
+        **dict.fromkeys(("uint", "uint32"), "u4"),
+        **dict.fromkeys(("float", "float32"), "f4"),
+        **dict.fromkeys(("double", "float64"), "f8"),
+    }
     for line, words in enumerate(map(str.split, lines), start=1):
         try:
             match words:
@@ -136,9 +135,9 @@ def _ply_header(content: bytes) -> tuple[str, list[_Element], bytes, int]:
                 case ["element", name, count]:
                     elements.append(_Element(name, int(count), []))
                 case ["property", "list", counted, kind, name]:
-                    elements[-1].properties.append(_Property(name, _TYPES[kind], _TYPES[counted]))
+                    elements[-1].properties.append(_Property(name, numpy_types[kind], numpy_types[counted]))
                 case ["property", kind, name]:
-                    elements[-1].properties.append(_Property(name, _TYPES[kind]))
+                    elements[-1].properties.append(_Property(name, numpy_types[kind]))
         except (KeyError, ValueError, IndexError):
             raise _MeshError(f"found {' '.join(words)!r} in the header of the PLY file", line) from None
     if order is None:

@@ -34,9 +34,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 #
 # Rows of all points are as long as the longest, filled up with zeros.
 
-_POINTS = 200
-"""At a time: larger arrays than these make are had from the system again each time, which clears them first."""
-
 
 class PointRows(NamedTuple):
     """What P eliminated points do with the reduced unknowns of their rays."""
@@ -79,7 +76,9 @@ def _rows_of(points: EliminatedPoints) -> PointRows:
     padded = np.zeros((count, most, 3))
     others[point, within], padded[point[place], within[place], component] = other, entries.data
     order = np.lexsort((others[:, 0], number)) if most else np.argsort(number)  # neighbours meet the same cofactors
-    parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
+    # At a time: larger arrays than these make are had from the system again each time, which clears them first.
+    points_at_a_time = 200
+    parts = [order[first : first + points_at_a_time] for first in range(0, len(order), points_at_a_time)]
     back = points.inverse @ padded.transpose(0, 2, 1)
     return PointRows(points, others, back, tuple((some, int(number[some].max())) for some in parts))
 
@@ -94,13 +93,9 @@ def _rows_of(points: EliminatedPoints) -> PointRows:
 #
 #     K_jj = J_r Q_rr J_rᵀ − J_r Q_rr D ᵀ− D Q_rr J_rᵀ + D Q_rr Dᵀ + J_p N⁻¹ J_pᵀ,    D = J_p N⁻¹ Cᵀ.
 
-MOST_REDUCED = 12_000
-"""Reduced unknowns whose cofactors are held as a whole: more than a gigabyte."""
 MOST_LOOKED_AT = 600
 _WEAKEST = 40
 """Observations whose redundancy numbers are followed, whatever is required."""
-_AT_A_TIME = 1_000
-_SOLVED = 48
 
 
 class Wide(NamedTuple):
@@ -172,10 +167,12 @@ def _coordinate_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[cs
 
 def _check_size(looked_at: int, reduced: int) -> None:
     """Raise :class:`InputError` where there are too many rows, or too many images: before anything is held of them."""
-    if looked_at > MOST_LOOKED_AT or reduced > MOST_REDUCED:
+    # Reduced unknowns whose cofactors are held as a whole: more than a gigabyte.
+    most_reduced = 12_000
+    if looked_at > MOST_LOOKED_AT or reduced > most_reduced:
         words = (
             f"ranking considers {looked_at} coordinates and weak observations in {reduced} unknowns of images "
-            f"and stations, expected {MOST_LOOKED_AT} in {MOST_REDUCED} at most; require σ of fewer points, or less r"
+            f"and stations, expected {MOST_LOOKED_AT} in {most_reduced} at most; require σ of fewer points, or less r"
         )
         raise InputError([Message(words)])
 
@@ -187,9 +184,10 @@ def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, of_points: 
     """
     adjustment = quality.adjustment
     inverse, plan = adjustment.inverse, adjustment.plan
+    solved = 48
     if quality.datum.null.shape[1]:
-        starts = range(0, M.shape[0], _SOLVED)
-        parts = [inverse.solve(np.ascontiguousarray(M[k : k + _SOLVED].toarray().T)) for k in starts]
+        starts = range(0, M.shape[0], solved)
+        parts = [inverse.solve(np.ascontiguousarray(M[k : k + solved].toarray().T)) for k in starts]
         return np.concatenate(parts, axis=1)
     index = adjustment.problem.index
     met = np.unique(M.indices)
@@ -242,14 +240,15 @@ def wide_outcomes(
 
     ``least`` is the required redundancy number of the observations of each group of candidates.
     """
+    at_a_time = 1_000
     for number, given in enumerate(candidates):
         group = with_sigma_model(given, quality.adjustment.values)
         whole = group.mask.sum(axis=1)
         for size in np.unique(whole[whole > 0]).tolist():
             here = np.flatnonzero(whole == size)
             here = here[np.argsort(group.blocks[0][here], kind="stable")]  # neighbours meet the same cofactors
-            for first in range(0, len(here), _AT_A_TIME):
-                rows = here[first : first + _AT_A_TIME]
+            for first in range(0, len(here), at_a_time):
+                rows = here[first : first + at_a_time]
                 outcome, estimable = _outcomes(quality, wide, wanted, some_rows(group, rows), size, least[number])
                 yield [Unit(number, int(row), np.arange(size), True) for row in rows], outcome, estimable
 

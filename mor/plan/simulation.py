@@ -233,8 +233,7 @@ def systematic_errors(problem: Problem, wishes: Wishes) -> dict[int, list[tuple[
             group = problem.groups[k]
             known = [one.name for one in group.type.components]
             if component and component not in known:
-                words = f"{group.name} has no component {component!r} (known: {', '.join(known)})"
-                problems.append(Message(words))
+                problems.append(Message(f"{group.name} has no component {component!r} (known: {', '.join(known)})"))
                 continue
             for c in [known.index(component)] if component else range(len(known)):
                 unit = group.external.factors[c] if group.external is not None else 1.0
@@ -275,13 +274,12 @@ def with_planted(
 # how a flight usually is, and not where it goes: the path stays as it is planned.
 
 _OF_STRIPS = {OBSERVED_PARAMETERS[kind.key].key for kind in (POSITION_SHIFT, ATTITUDE_SHIFT)}
-_WRITTEN = {kind.key for kind in OBSERVED_PARAMETERS.values()} - _OF_STRIPS
-_STEADY = {kind.key for kind in STEADINESS}
 
 
 def is_implied(group: ObservationGroup) -> bool:
     """True for groups of whose observed values a project has none for each row."""
-    return not len(group.lines) and group.type.key not in _WRITTEN
+    written = {kind.key for kind in OBSERVED_PARAMETERS.values()} - _OF_STRIPS
+    return not len(group.lines) and group.type.key not in written
 
 
 def conditions(problem: Problem) -> list[int]:
@@ -291,7 +289,8 @@ def conditions(problem: Problem) -> list[int]:
 
 def unwritten(problem: Problem) -> list[int]:
     """Groups whose errors have to be in the place."""
-    return [k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in _STEADY]
+    steady = {kind.key for kind in STEADINESS.values()}
+    return [k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in steady]
 
 
 def place_with_errors(problem: Problem, place: Values, errors: Sequence[FloatArray], chosen: Sequence[int]) -> Values:
@@ -419,10 +418,6 @@ class Truth:
         return np.where(moves_by_angles(blocks)[:, None], folded, small)
 
 
-MOST_DRAWN = 2000
-"""Unknowns up to which the corrections of every run are kept, for coverage intervals."""
-
-
 @dataclass(frozen=True)
 class Tally:
     """Counts and sums over runs, and single corrections; tallies of more runs are added."""
@@ -478,7 +473,8 @@ def tally_of(arrays: Mapping[str, FloatArray]) -> Tally:
 def empty_tally(truth: Truth) -> Tally:
     """The tally of no run."""
     u, p = truth.problem.index.count, len(truth.points)
-    zero, two, drawn = np.zeros(()), np.zeros(2), np.zeros((0, u if u <= MOST_DRAWN else 0))
+    # Unknowns up to which the corrections of every run are kept, for coverage intervals.
+    zero, two, drawn = np.zeros(()), np.zeros(2), np.zeros((0, u if u <= 2000 else 0))
     return Tally(
         zero, zero, np.zeros(u), np.zeros(u), np.zeros(p), np.zeros(p), two, zero, zero, two, zero, zero, zero, drawn
     )

@@ -33,9 +33,6 @@ from mor.units import ANGLE, IMAGE, LENGTH, Quantity
 
 # ---- Which way is up, and where coordinates lie: everywhere the same, or on the earth that of the place.
 
-GEOGRAPHIC = "on the earth a surface has its corners in a projection or geocentric, or by names of points"
-NO_GEOID = "corners above the geoid need its grid (world: {geoid: FILE}), or names of points"
-
 
 def local_axes(reading: Reading, positions: FloatArray) -> FloatArray:
     """(n, 3, 3) rows x, y, up at places (n, 3), internal axes; on the earth east, north, up."""
@@ -59,19 +56,18 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
     world = reading.world
     if world is None:
         return coordinates
+    geographic = "on the earth a surface has its corners in a projection or geocentric, or by names of points"
     if world.system.kind == "geographic":
-        raise ValueError(GEOGRAPHIC)
+        raise ValueError(geographic)
     N = np.zeros(len(coordinates))
     if world.orthometric:
         N = world.geoid_at(np.full(len(coordinates), -1), world.to_object(coordinates, N))
         if np.isnan(N).any():
-            raise ValueError(NO_GEOID)
+            raise ValueError("corners above the geoid need its grid (world: {geoid: FILE}), or names of points")
     return np.asarray(world.to_object(coordinates, N) @ reading.edge.matrix)
 
 
 # ---- Names of a plan: which targets, images, stations and points patterns stand for, and where these are.
-
-NO_PLACE = "no coordinates; what is seen depends on where it is"
 
 
 class Targets(NamedTuple):
@@ -229,15 +225,13 @@ def _put_normals(
         _put(normals, chosen, np.broadcast_to(direction, (len(chosen), 3)), reading, place, targets)
     elif given.surface is not None:
         if given.surface not in by_name:
-            words = f"there is no surface {given.surface!r}{nearest(given.surface, by_name)}"
-            place.tell(words, "surface")
+            place.tell(f"there is no surface {given.surface!r}{nearest(given.surface, by_name)}", "surface")
             return
         chosen = targets_named(given.points, targets, place, "points", reading.problems)
         some = _inside(reading, by_name[given.surface])
         faces = faces_of(targets.positions[chosen], some, clearance)
         for k in chosen[faces < 0].tolist():
-            words = f"point {targets.names[k]!r} is not on surface {given.surface!r}, within the clearance"
-            place.tell(words)
+            place.tell(f"point {targets.names[k]!r} is not on surface {given.surface!r}, within the clearance")
         normals[chosen[faces >= 0]] = some.normals[faces[faces >= 0]]
     else:
         _read_normals(reading, given, place, targets, normals)
@@ -324,9 +318,6 @@ def outcomes(
 
 # ---- Where sights begin, and what an image has on its format.
 
-_ON_THE_WAY = 16
-"""Directions between the axis of a camera and a sight at which the image has to move outwards."""
-
 
 class Start:
     """Start values of a project that is being read: what is where, internal axes."""
@@ -402,8 +393,10 @@ class PlannedImage(NamedTuple):
         far = np.linalg.norm(star, axis=1)[:, None]
         middle = self._image(far * np.array([0.0, 0.0, -1.0]))
         before = np.zeros(len(star))
-        for step in range(1, _ON_THE_WAY + 1):
-            angle = whole * step / _ON_THE_WAY
+        # Directions between the axis of a camera and a sight at which the image has to move outwards.
+        on_the_way = 16
+        for step in range(1, on_the_way + 1):
+            angle = whole * step / on_the_way
             direction = np.concatenate([np.sin(angle)[:, None] * across, -np.cos(angle)[:, None]], axis=1)
             radius = np.linalg.norm(self._image(far * direction) - middle, axis=1)
             good &= (radius > before) | (aside == 0.0)
@@ -427,12 +420,10 @@ def image(reading: Reading, start: Start, number: int) -> PlannedImage:
     else:
         centre -= D.T @ r
     r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
-    low, high = image_format(scale, camera.image.width, camera.image.height) if camera.image else _NO_FORMAT
+    no_format = np.full(2, np.nan), np.full(2, np.nan)
+    low, high = image_format(scale, camera.image.width, camera.image.height) if camera.image else no_format
     interior = start.of(INTERIORS[camera.model].key, part["interior"])
     return PlannedImage(centre, D, model, interior, np.full(len(model.constants), r0), low, high)
-
-
-_NO_FORMAT = np.full(2, np.nan), np.full(2, np.nan)
 
 
 def image_format(scale: ImageScale, width: str, height: str) -> tuple[FloatArray, FloatArray]:
@@ -455,17 +446,15 @@ def instruments(reading: Reading, start: Start, space: str, numbers: IntArray, h
 
 # ---- A project whose planned observations say what is visible, with the rows of all that is.
 
-_SECTIONS = ("observations", "candidates")
-_BETWEEN_FEET = ("ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance")
-"""Types of the earth that somebody has reduced: no sight leads along them."""
-
 
 def sights(reading: Reading) -> dict[str, ObservationType]:
     """Types of observations that are made along a line of sight between two places."""
+    # Types of the earth that somebody has reduced: no sight leads along them.
+    between_feet = ("ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance")
     return {
         key: type_
         for key, type_ in {**reading.types, "image": IMAGE_TYPES["mor"]}.items()
-        if len(type_.references) == 2 and not type_.between_marks and key not in _BETWEEN_FEET
+        if len(type_.references) == 2 and not type_.between_marks and key not in between_feet
     }
 
 
@@ -475,9 +464,10 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     Where the things of the project cannot be read it comes back as it is: whoever reads it tells all mistakes.
     """
     project = validate(document)
+    sections = ("observations", "candidates")
     wanted = [
         (section, number, entry)
-        for section in _SECTIONS
+        for section in sections
         for number, entry in enumerate(getattr(project, section))
         if entry.visible is not None
     ]
@@ -493,7 +483,7 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     blocks = points.parts["position"]
     targets = Targets(tuple(points.ids), points.numbers, blocks, positions[blocks], reading.groups)
     around = surroundings(reading, targets)
-    data: dict[str, Any] = {**document.data, **{s: list(document.data.get(s) or []) for s in _SECTIONS}}
+    data: dict[str, Any] = {**document.data, **{s: list(document.data.get(s) or []) for s in sections}}
     frames, sighted = dict(document.frames), []
     for section, number, entry in wanted:
         scene = VisibilityScene(reading, start, targets, around, reading.at(section, number))
@@ -556,8 +546,9 @@ def _seen(
     height = _height(scene, entry, "to_height")
     nowhere = [scene.targets.names[k] for k in chosen if not np.isfinite(scene.targets.positions[k]).all()]
     nowhere += [one.name for one in viewpoints if not np.isfinite(one.origin).all()]
+    no_place = "no coordinates; what is seen depends on where it is"
     for name in nowhere:
-        scene.mistake(f"{name}: {NO_PLACE}")
+        scene.mistake(f"{name}: {no_place}")
     if len(scene.reading.problems) > before:
         return None
     from_, to, counts = _sights(scene, viewpoints, chosen, limits, height, _is_once(entry, type_))

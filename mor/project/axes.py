@@ -20,7 +20,6 @@ from mor.units import ANGLE, ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, SEC
 _NUMBER = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?$")
 _SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
 """How an angle d-m-s begins, in all its spellings; no number with a unit does."""
-_COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 
 
 class UnitError(ValueError):
@@ -208,7 +207,8 @@ class Edge(NamedTuple):
     @property
     def matrix(self) -> FloatArray:
         """(3, 3) signed permutation that takes project coordinates to internal ones."""
-        x, y = (_COMPASS[letter] for letter in self.axes.xy)
+        compass = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
+        x, y = (compass[letter] for letter in self.axes.xy)
         return np.array([[x[0], y[0], 0.0], [x[1], y[1], 0.0], [0.0, 0.0, 1.0]])
 
     @property

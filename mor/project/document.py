@@ -91,8 +91,6 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 
 _TOO_DEEP = "this is nested too deeply, or refers to itself"
 _VALUES = "MOR_MAX_VALUES"
-_LETTERS = 100
-"""Letters that a repeated value may have, on average at that limit."""
 
 
 @dataclass(frozen=True)
@@ -142,35 +140,33 @@ def read_yaml(text: str, file: str) -> Document:
     document, and one that is deeper or larger than the limits.
     """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    # What YAML complains of, in plain words.
+    broken = (
+        ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
+        ("quoted scalar", "the quote that opens here is not closed"),
+        ("flow", "the bracket that opens here is not closed, or a comma is missing inside it"),
+        ("simple key", "expected key: value, found no colon"),
+        (
+            "cannot start any token",
+            "this is not allowed here: indent with blanks, not with tabs, and quote texts that begin with @, ` or %",
+        ),
+        ("block", "the indentation does not fit the lines above"),
+        (
+            "mapping values are not allowed",
+            "a second colon in one line, or the indentation does not fit: texts with ': ' need quotes",
+        ),
+    )
     try:
         return _YamlReader(file).read(yaml.parse(text, Loader=loader))
     except yaml.MarkedYAMLError as error:
         said = " ".join(part for part in (error.context, error.problem) if part)
-        plain = next((words for part, words in _BROKEN if part in said), said)
+        plain = next((words for part, words in broken if part in said), said)
         begun = "opens here" in plain or "no colon" in plain
         mark = (error.context_mark if begun else None) or error.problem_mark
         raise InputError([Message(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)]) from None
     except yaml.YAMLError as error:
         words = str(error).splitlines()[0]
         raise InputError([Message(f"this is not a text file of YAML: {words}", file)]) from None
-
-
-_BROKEN = (
-    ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
-    ("quoted scalar", "the quote that opens here is not closed"),
-    ("flow", "the bracket that opens here is not closed, or a comma is missing inside it"),
-    ("simple key", "expected key: value, found no colon"),
-    (
-        "cannot start any token",
-        "this is not allowed here: indent with blanks, not with tabs, and quote texts that begin with @, ` or %",
-    ),
-    ("block", "the indentation does not fit the lines above"),
-    (
-        "mapping values are not allowed",
-        "a second colon in one line, or the indentation does not fit: texts with ': ' need quotes",
-    ),
-)
-"""What YAML complains of, in plain words."""
 
 
 class _YamlReader:
@@ -240,9 +236,11 @@ class _YamlReader:
         self.letters += sum(len(event.value) for event in events if isinstance(event, yaml.ScalarEvent))
         # Share of the values that aliases may repeat, as its denominator.
         most = self.most // 10
-        if self.repeated > 2 * most or self.letters > _LETTERS * most:
+        # Letters that a repeated value may have, on average at that limit.
+        letters = 100
+        if self.repeated > 2 * most or self.letters > letters * most:
             words = (
-                f"aliases (*name) repeat more than {most} values, or {_LETTERS * most} letters; "
+                f"aliases (*name) repeat more than {most} values, or {letters * most} letters; "
                 f"put long tables into files of their own, or {raise_it(_VALUES)}"
             )
             raise self._error(words, self.unfolding)
@@ -311,14 +309,13 @@ def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
 
 # ---- Plain data of a project as YAML text: numbers as numbers, identifiers as texts, short lists in one line.
 
-IDENTIFIERS = frozenset(
+# Columns of names, which stay texts whatever they look like.
+_TEXTS = frozenset(
     (
         *("id", "camera", "position", "point", "leader", "pair", "set", "of", "from", "to", "at", "station", "image"),
         *("system", "frame", "component", "shared_height", "shared_eccentricity"),
     )
-)
-"""Columns of names, which stay texts whatever they look like."""
-_TEXTS = IDENTIFIERS | {"title", "name", "group", "file", "columns", "instrument", "cluster", "points", "other"}
+) | {"title", "name", "group", "file", "columns", "instrument", "cluster", "points", "other"}
 _YAML_NUMBER = re.compile(r"[-+]?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?")
 
 
@@ -327,12 +324,12 @@ def yaml_text(data: dict[str, Any], width: int) -> str:
     tables: list[list[str]] = []
     plain = _plain(data, "", tables, width)
     text: str = yaml.dump(plain, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=width)
-    return _STANDS.sub(lambda found: _rows_text(tables[int(found[3])], found), text) if tables else text
+    stands = re.compile(rf"^( *)(- )?rows: {_ROWS} (\d+)$", re.MULTILINE)
+    return stands.sub(lambda found: _rows_text(tables[int(found[3])], found), text) if tables else text
 
 
 _ROWS = "\ue000"
 """Stands for the rows of a table until they are put in its place: a letter that means nothing."""
-_STANDS = re.compile(rf"^( *)(- )?rows: {_ROWS} (\d+)$", re.MULTILINE)
 _SIMPLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _WHOLE = re.compile(r"0|[1-9][0-9]*")
 _WORDS = frozenset(("y", "n", "yes", "no", "on", "off", "true", "false", "null"))

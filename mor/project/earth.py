@@ -183,8 +183,7 @@ def read_sphere(reading: Reading) -> None:
         return
     place = reading.at("curvature")
     if reading.project.world is not None:
-        words = "curvature: a network on the ellipsoid (world) has it already; remove the key"
-        place.tell(words)
+        place.tell("curvature: a network on the ellipsoid (world) has it already; remove the key")
         return
     refused = [
         *(("cameras", name) for name, c in reading.project.cameras.items() if c.readout is not None),
@@ -192,8 +191,7 @@ def read_sphere(reading: Reading) -> None:
     ]
     for path in refused:
         what = "trajectories" if path == ("trajectories",) else "a rolling shutter"
-        words = f"curvature: {what} cannot be on the sphere; use world, or leave curvature out"
-        reading.at(*path).tell(words)
+        reading.at(*path).tell(f"curvature: {what} cannot be on the sphere; use world, or leave curvature out")
     radius = _radius(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
     origin = _origin(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
     if refused or radius is None or origin is None:
@@ -271,28 +269,9 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
 # defect.
 
-_LEVELLED = {"directions", "zenith_directions", "zenith_angle", "vertical_direction", "angle", "horizontal_distance"}
-_HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
-_TURNED = {
-    "gnss_vector",
-    "azimuth",
-    "astronomic_azimuth",
-    "projected_bearing",
-    "projected_attitude",
-    "navigation_attitude",
-}
-_KAPPA = 2
 _LIES = (
     "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
     "free, because verticals differ from place to place; fix or observe a point"
-)
-_TURNS = (
-    "datum: on the earth levelled instruments neither determine the rotation about the vertical nor leave it free, "
-    "because verticals differ from place to place; fix or observe two points, or one point and an azimuth"
-)
-_TURNS_ABOUT = (
-    "datum: on the earth levelled instruments neither determine the rotation about the only fixed point nor leave "
-    "it free, because verticals differ from place to place; fix or observe a second point, or an azimuth"
 )
 
 
@@ -302,12 +281,22 @@ def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], fr
     ``free``: of a network that is not, and in which nothing is held, the defect is told later.
     """
     kinds = {group.type.key for group in groups}
-    if reading.world is None or not kinds & _LEVELLED:
+    levelled = {"directions", "zenith_directions", "zenith_angle", "vertical_direction", "angle", "horizontal_distance"}
+    if reading.world is None or not kinds & levelled:
         return
     held = _places_held(reading, groups)
+    heights = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
+    turn_open = (
+        "datum: on the earth levelled instruments neither determine the rotation about the vertical nor leave it free, "
+        "because verticals differ from place to place; fix or observe two points, or one point and an azimuth"
+    )
+    turn_about_point_open = (
+        "datum: on the earth levelled instruments neither determine the rotation about the only fixed point nor leave "
+        "it free, because verticals differ from place to place; fix or observe a second point, or an azimuth"
+    )
     if not _turn_is_held(reading, groups) and (held == 1 or (held == 0 and free)):
-        reading.at("datum").tell(_TURNS_ABOUT if held else _TURNS)
-    elif held == 0 and free and kinds & _HEIGHTS:
+        reading.at("datum").tell(turn_about_point_open if held else turn_open)
+    elif held == 0 and free and kinds & heights:
         reading.at("datum").tell(_LIES)
 
 
@@ -325,9 +314,18 @@ def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
 
 
 def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
-    if any(group.type.key in _TURNED for group in groups):
+    turned = {
+        "gnss_vector",
+        "azimuth",
+        "astronomic_azimuth",
+        "projected_bearing",
+        "projected_attitude",
+        "navigation_attitude",
+    }
+    if any(group.type.key in turned for group in groups):
         return True
-    if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):
+    kappa = 2
+    if any(group.type.key == "observed/rotation" and group.mask[:, kappa].any() for group in groups):
         return True
     free = reading.shop.store("rotation").all_free()
     rotations = [
@@ -335,4 +333,4 @@ def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
         for space in ("station", "image", "system")
         if space in reading.shop.things
     ]
-    return any(bool((~free[blocks[blocks >= 0], _KAPPA]).any()) for blocks in rotations)
+    return any(bool((~free[blocks[blocks >= 0], kappa]).any()) for blocks in rotations)

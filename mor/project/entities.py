@@ -213,12 +213,10 @@ def said_thing(kind: str, block: str) -> str:
         return block
     if kind.startswith("interior/") and space == kind:
         space = "camera"
-    return f"{_DECLARED_AS.get(space, space)} {name}"
-
-
-_DECLARED_AS = dict.fromkeys(
-    ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"), "instrument"
-)
+    declared_as = dict.fromkeys(
+        ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"), "instrument"
+    )
+    return f"{declared_as.get(space, space)} {name}"
 
 
 def set_name(station: str, set_: str) -> str:

@@ -42,9 +42,6 @@ from mor.units import IMAGE, NUMBER, Component
 
 # ---- Cameras of a project: interior orientations, image scales, image-variant components.
 
-GUESSED_CONSTANT = 1.0
-"""Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
-
 
 def read_cameras(reading: Reading) -> None:
     """Interior orientations, and how image coordinates come in."""
@@ -97,16 +94,14 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
-_LEAST = {"distance": 0.0, "glass": 0.0, "n_air": 1.0, "n_glass": 1.0, "n_water": 1.0}
-
-
 def _impossible(medium: str, port: dict[str, float]) -> Iterator[str]:
     """Words for what no port can be, by the values of its components; NaN is missing."""
+    least = {"distance": 0.0, "glass": 0.0, "n_air": 1.0, "n_glass": 1.0, "n_water": 1.0}
     for name, value in port.items():
         if isnan(value):
             yield f"{name} is required for a {medium}"
-        elif value < _LEAST.get(name, value):
-            yield f"{name}: found {value:g}, expected {_LEAST[name]:g} or more"
+        elif value < least.get(name, value):
+            yield f"{name}: found {value:g}, expected {least[name]:g} or more"
     off = hypot(*(port.get(f"centre_{axis}", 0.0) for axis in "xyz"))
     if port.get("radius", inf) <= off:
         yield f"radius: found {port['radius']:g}, but the centre is {off:g} from the projection centre"
@@ -139,7 +134,9 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
         diagonal = float(np.hypot(width, height))
         full_frame = float(np.hypot(36.0, 24.0))  # diagonal of the format that 35 mm equivalents refer to
         return camera.focal_length_35mm * diagonal / full_frame, "from focal_length_35mm"
-    return GUESSED_CONSTANT * max(width, height), f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
+    # Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees.
+    guessed_constant = 1.0
+    return guessed_constant * max(width, height), f"a first guess: {guessed_constant:g} x the longer side of the image"
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
@@ -161,13 +158,11 @@ def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> 
         return -1
     value, free = float(statuses.values[0, 0]), bool(statuses.free[0, 0])
     if value < 0.0:
-        words = f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes"
-        at.tell(words, "readout")
+        at.tell(f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes", "readout")
     if value == 0.0 and not free:
         return -1
     if np.isnan(scale.pixel) or camera.image is None:
-        words = "readout needs image: {width, height, pixel}: the row of a point is its time"
-        at.tell(words, "readout")
+        at.tell("readout needs image: {width, height, pixel}: the row of a point is its time", "readout")
         return -1
     return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
 
@@ -288,7 +283,6 @@ def read_images(reading: Reading) -> None:
 
 _MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
 _POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names, *IMAGE_VELOCITY.names, *ROTATION_RATE.names)
-_SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
 
 
 def _images_of_table(
@@ -356,9 +350,10 @@ def _own_poses(
     """
     names = rows.text("id")
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    shared = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
     for i in np.flatnonzero(follows).tolist():
         given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
-        if given or any(rows.text(name)[i] for name in _SHARED):
+        if given or any(rows.text(name)[i] for name in shared):
             rows.tell(i, f"image {names[i]!r} follows another one: it has no position or attitude of its own")
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
     eccentricity = eccentricity.copy()
@@ -418,8 +413,7 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, Rows, int]]) ->
     for number, leader, pair, rows, row in leaders:
         if not leader or not pair:
             have, lack = ("pair", "leader") if pair else ("leader", "pair")
-            words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
-            rows.tell(row, words)
+            rows.tell(row, f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both")
         elif leader not in images.numbers:
             rows.tell(row, unknown_name("leader: image", leader, images.ids))
         elif pair not in pairs.numbers and "pair" in reading.broken:
@@ -429,8 +423,7 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, Rows, int]]) ->
         elif images.numbers[leader] == number:
             rows.tell(row, f"image {leader!r} is its own leader; a stereo follower follows another image")
         elif images.numbers[leader] in followers:
-            words = f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
-            rows.tell(row, words)
+            rows.tell(row, f"leader {leader!r} is itself a follower; a leader must have its own position and attitude")
         else:
             if leader in reading.image_times:
                 reading.image_times[images.ids[number]] = reading.image_times[leader]

@@ -22,7 +22,6 @@ SIGMA_KILOMETRE, SIGMA_SET_UP = "1 mm", "0.3 mm"
 """Standard deviations of a height difference over 1 km, and of one set-up without distances: no field book has any."""
 SAME_HEIGHT = 0.01
 """Metres within which recorded heights of a point agree: levelling lines close better than that."""
-_BENCHMARK = re.compile(r"t?bm(?:[^a-z]|[a-z]?\d*$)|bench ?mark", re.IGNORECASE)
 ALONE = "staff readings without a counterpart"
 REPEATED = "staff readings that were repeated"
 
@@ -200,10 +199,11 @@ class Levelling:
         known: dict[str, list[list[tuple[int, float | None]]]] = {}
         renamed: list[str] = []
         found: list[dict[str, str]] = []
+        benchmark = re.compile(r"t?bm(?:[^a-z]|[a-z]?\d*$)|bench ?mark", re.IGNORECASE)
         for here, line in enumerate(self.lines):
             names = {}
             for name in sorted(line.inside()):
-                if _BENCHMARK.match(name):
+                if benchmark.match(name):
                     continue
                 height = line.heights.get(name)
                 final: list[tuple[int, float | None]] = [

@@ -281,27 +281,23 @@ def rows_of_covariance(entry: Observations, place: TableLocation) -> Sequence[Se
         place.tell(f"covariance: file {entry.covariance!r} does not exist", "covariance")
         return None
     try:
-        return _rows_of_file(path)
+        # Numbers of a CSV file without header. Raises :class:`InputError`.
+        rows, problems = [], []
+        for number, line in enumerate(read_text(path).split("\n"), start=1):
+            cells = [cell.strip() for cell in line.split(",")]
+            if not line.strip():
+                continue
+            try:
+                rows.append([float(cell) for cell in cells])
+            except ValueError:
+                bad = next(cell for cell in cells if not _is_number(cell))
+                problems.append(Message(f"found {bad!r}, expected a number", str(path), number))
+        if problems:
+            raise InputError(problems)
+        return rows
     except InputError as error:
         place.problems.extend(error.problems)
         return None
-
-
-def _rows_of_file(path: Path) -> list[list[float]]:
-    """Numbers of a CSV file without header. Raises :class:`InputError`."""
-    rows, problems = [], []
-    for number, line in enumerate(read_text(path).split("\n"), start=1):
-        cells = [cell.strip() for cell in line.split(",")]
-        if not line.strip():
-            continue
-        try:
-            rows.append([float(cell) for cell in cells])
-        except ValueError:
-            bad = next(cell for cell in cells if not _is_number(cell))
-            problems.append(Message(f"found {bad!r}, expected a number", str(path), number))
-    if problems:
-        raise InputError(problems)
-    return rows
 
 
 def _is_number(text: str) -> bool:
@@ -435,27 +431,24 @@ class Network:
         return sum(int(np.count_nonzero(group.mask)) for group in self.groups)
 
 
-_READERS = {
-    "camera": read_cameras,
-    "instrument": read_instruments,
-    "point": read_points,
-    "motion": read_motions,
-    "pair": read_pairs,
-    "trajectory": read_trajectories,
-    "image": read_images,
-    "station": read_stations,
-    "system": read_systems,
-}
-"""Readers of the namespaces; each may refer to those before it."""
-
-
 def read_things(
     project: ProjectFile, document: Document, folder: Path, read: TableWatcher = ignore_table, planned: bool = False
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
     reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), read, planned=planned)
-    for space, reader in _READERS.items():
+    # Readers of the namespaces; each may refer to those before it.
+    for space, reader in {
+        "camera": read_cameras,
+        "instrument": read_instruments,
+        "point": read_points,
+        "motion": read_motions,
+        "pair": read_pairs,
+        "trajectory": read_trajectories,
+        "image": read_images,
+        "station": read_stations,
+        "system": read_systems,
+    }.items():
         before = len(reading.problems)
         reader(reading)
         if len(reading.problems) > before:

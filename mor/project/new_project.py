@@ -32,17 +32,6 @@ from mor.project.recognition import Found
 from mor.units import LENGTH_UNITS
 
 _DMS = re.compile(r"[-+]?\d+\s*[-°:\s]\s*\d+\s*[-'′:\s]\s*\d")
-_CIRCLES = {"gon": 400.0, "deg": 360.0}
-_WAYS = tuple(product(_CIRCLES, (1, -1)))
-_AGREES = 0.5
-"""Part of the misfit in the other unit or sense that angles in theirs have at most."""
-_VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
-"""Types with a vertical circle, where a table has its readings."""
-_VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
-_PLANE = {"angle", "bearing", "directions", "horizontal_distance"}
-"""Types without heights."""
-_FINEST = 1e-4
-"""Standard deviation in degrees or gon below that of any theodolite."""
 
 
 class CameraSettings(NamedTuple):
@@ -83,20 +72,25 @@ def begin(
     kinds = {t.kind for t in measured}
     levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
     has_heights = any(t.has_heights for t in by_kind["points"])
+    # Types without heights.
+    plane = {"angle", "bearing", "directions", "horizontal_distance"}
     in_plan = any("x" in t.columns and not t.has_heights for t in by_kind["points"]) or not (
-        has_heights or kinds.isdisjoint(_PLANE)
+        has_heights or kinds.isdisjoint(plane)
     )
-    is_plane = (kinds <= _PLANE | {"distance"} and in_plan) or (
-        "horizontal_distance" in kinds <= _PLANE and not has_heights
+    is_plane = (kinds <= plane | {"distance"} and in_plan) or (
+        "horizontal_distance" in kinds <= plane and not has_heights
     )
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
     in_lists = {name for t in by_kind["points"] for name, z in zip(*map(t.texts, ("id", "z")), strict=False) if z}
-    is_flat = bool(measured) and kinds <= _PLANE and not is_plane and in_lists.issuperset(_names(measured, PLACES))
+    is_flat = bool(measured) and kinds <= plane and not is_plane and in_lists.issuperset(_names(measured, PLACES))
     held = ("x", "y") if levelled else ("z",) if is_flat else ()
     circles = _circles(tables)
     guessed = circles.unit if not units[1] else None
+    vertical_columns = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
+    # Types with a vertical circle, where a table has its readings.
+    vertical = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
     content = {
         "name": target.name,
         "title": _quoted(title),
@@ -104,7 +98,7 @@ def begin(
         "angle": units[1] or guessed or "gon",
         "angle_guessed": guessed is not None,
         "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
-        "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
+        "zenith": any(t.kind in vertical and not vertical_columns.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner, seen) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(
@@ -227,22 +221,26 @@ def _circles(tables: Sequence[Found]) -> _Circles:
         for name, x, y in zip(*map(table.texts, ("id", "x", "y")), strict=False)
         if NUMBER.fullmatch(x) and NUMBER.fullmatch(y)
     }
-    off = {(unit, sense): [_misfit(table, places, _CIRCLES[unit], sense) for table in tables] for unit, sense in _WAYS}
+    circles = {"gon": 400.0, "deg": 360.0}
+    ways = tuple(product(circles, (1, -1)))
+    off = {(unit, sense): [_misfit(table, places, circles[unit], sense) for table in tables] for unit, sense in ways}
     best = {way: min((size for size in sizes if size is not None), default=1.0) for way, sizes in off.items()}
-    for name, full in _CIRCLES.items():
+    for name, full in circles.items():
         sums = [abs((total / full * 2.0 + 0.5) % 1.0 - 0.5) for table in bare for total in _traversed(table)]
         best[name, 1] = min([best[name, 1], *sums])
     zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
-    least = {name: min(best[name, 1], best[name, -1]) for name in _CIRCLES}
-    level = [median(abs(v % (full / 2) - full / 4) for v in zeniths or (0.0,)) for full in _CIRCLES.values()]
+    least = {name: min(best[name, 1], best[name, -1]) for name in circles}
+    level = [median(abs(v % (full / 2) - full / 4) for v in zeniths or (0.0,)) for full in circles.values()]
     # Zenith angles tell the unit if half of the sights rise or fall by at most 2 degrees or gon; steep ones do not.
     if min(level) < 2.0:
-        least = dict(zip(_CIRCLES, level, strict=True))
-    first, second = sorted(_CIRCLES, key=lambda name: least[name])
-    told = (first if least[first] < _AGREES * least[second] else "") or _by_range(bare)
+        least = dict(zip(circles, level, strict=True))
+    first, second = sorted(circles, key=lambda name: least[name])
+    # Part of the misfit in the other unit or sense that angles in theirs have at most.
+    agrees = 0.5
+    told = (first if least[first] < agrees * least[second] else "") or _by_range(bare)
     known = told or "gon"
     # With exchanged axes angles agree within 2 % of the circle.
-    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], 0.02)
+    is_reversed = best[known, -1] < min(agrees * best[known, 1], 0.02)
     return _Circles(told if bare else None, is_reversed)
 
 
@@ -355,7 +353,8 @@ def _units_of_precision(table: Found) -> dict[str, str]:
     stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]
     sizes = [math.sqrt(abs(variance)) for variance in variances]
     sizes += [value for name in stated for value in table.numbers(name)]
-    is_fine = is_angle and 0.0 < median(sizes or [0.0]) < _FINEST
+    # Standard deviation in degrees or gon below that of any theodolite.
+    is_fine = is_angle and 0.0 < median(sizes or [0.0]) < 1e-4
     if not sizes or (median(sizes) < DECIMETRE and not is_fine):
         return {}
     stated += [name for name in table.columns if name.startswith("cov_")]

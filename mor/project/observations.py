@@ -292,15 +292,17 @@ def _image_values(
 # ---- Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.
 
 
-_NOT_PLANNED = "visible is for what is planned (mor design, mor simulate); here a file or rows are expected"
-
-
 def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
     """Return the observation groups that are named by a type; images are split by camera model.
 
     Those between features are read when there are features, with ``of_features``, all others before.
     """
     result: list[ReadGroup] = []
+    not_planned = "visible is for what is planned (mor design, mor simulate); here a file or rows are expected"
+    no_length = (
+        "found ppm for observations of type {}; ppm needs lengths between two points, as of type distance, "
+        "height_difference or coordinate_difference: σ grows with the distance between them"
+    )
     for number, entry in enumerate(reading.project.observations):
         place = reading.at("observations", number)
         if entry.type in ("parameter", "difference") or (entry.type in RELATION_TYPES) != of_features:
@@ -317,7 +319,7 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
             continue
         if entry.visible is not None:
             if not reading.planned or reading.section == "checks":
-                place.tell(_NOT_PLANNED, "visible")
+                place.tell(not_planned, "visible")
             continue
         type_ = IMAGE_TYPES["mor"] if entry.type == "image" else reading.types[entry.type]
         if is_open(type_) or entry.projection is not None:
@@ -326,7 +328,7 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
                 continue
             type_ = found
         if entry.ppm and not (type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)):
-            place.tell(_NO_LENGTH.format(entry.type), "ppm")
+            place.tell(no_length.format(entry.type), "ppm")
         if entry.type == "image":
             entry = units_of_values(entry)
         measured = [component.name for component in type_.components]
@@ -579,12 +581,6 @@ def _constants_of_group(
     return np.stack(columns, axis=1) if columns else np.zeros((rows.count, 0))
 
 
-_NO_LENGTH = (
-    "found ppm for observations of type {}; ppm needs lengths between two points, as of type distance, "
-    "height_difference or coordinate_difference: σ grows with the distance between them"
-)
-
-
 def _centring(reading: Reading, entry: Observations, place: TableLocation) -> SetUpSigmas:
     given = entry.centring
     if given is None:
@@ -622,20 +618,18 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
     numbers, first = np.unique(rotation, return_index=True)
     poor = free[numbers] & (count[numbers] < 2)
     starts = np.cumsum([0, *(group.count for group in of_directions)])
+    no_target = (
+        "station {} has no horizontal direction to orient its circle; use type zenith_angle for zenith angles "
+        "alone, and vertical_direction for vertical directions alone"
+    )
+    one_target = (
+        "the set of directions at {} has only one horizontal target: it determines its own orientation and nothing else"
+    )
     for place, number in sorted(zip(first[poor].tolist(), numbers[poor].tolist(), strict=True)):
         g = int(np.searchsorted(starts, place, side="right")) - 1
         group, row = of_directions[g], place - int(starts[g])
-        words, told = (_ONE_TARGET, reading.notes) if count[number] else (_NO_TARGET, reading.problems)
+        words, told = (one_target, reading.notes) if count[number] else (no_target, reading.problems)
         told.append(group.message(row, words.format(repr(group.references[0][row]))))
-
-
-_NO_TARGET = (
-    "station {} has no horizontal direction to orient its circle; use type zenith_angle for zenith angles "
-    "alone, and vertical_direction for vertical directions alone"
-)
-_ONE_TARGET = (
-    "the set of directions at {} has only one horizontal target: it determines its own orientation and nothing else"
-)
 
 
 # ---- Observations that a plan might have besides: they are read like all others, and take no part in the adjustment.
@@ -673,11 +667,6 @@ def check_groups(reading: Reading, groups: list[ObservationGroup]) -> tuple[Obse
     checks = tuple(group.group for group in read_groups(apart))
     if reading.broken:
         return checks  # what is missing may be told by what could not be read
-    _refuse_unobserved(reading, groups, checks)
-    return checks
-
-
-def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks: tuple[ObservationGroup, ...]) -> None:
     points = reading.shop.store("point")
     seen = np.zeros(len(points.ids), dtype=bool)
     for group in groups:
@@ -689,3 +678,4 @@ def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks:
             for row in np.flatnonzero(free[blocks] & ~seen[blocks]).tolist():
                 words = f"point {points.ids[blocks[row]]!r} is a check point, but nothing determines it"
                 reading.problems.append(group.message(row, words))
+    return checks

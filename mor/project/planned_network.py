@@ -30,11 +30,6 @@ from mor.types import FloatArray, IntArray
 # of the times of its lines, goes. The crossing is bracketed between times a quarter of an interval of knots
 # apart, and halved.
 
-_PARTS = 4
-"""Parts of an interval between knots at whose ends the side of the line is tested on which a point lies."""
-_AT_A_TIME = 256
-"""Points whose crossings are looked for together."""
-
 
 def is_scanned(group: ObservationGroup) -> bool:
     """True for image coordinates of a line scanner."""
@@ -118,15 +113,19 @@ def _crossings(sight: _Sight, lines: RowTimes) -> FloatArray:
     before = max(int(np.searchsorted(trajectory.times, begin, side="right")) - 1, 0)
     stretch = trajectory.times[trajectory.stretch == trajectory.stretch[before]]
     end = float(stretch[-1]) if lines.steady else min(float(stretch[-1]), float(lines.times[-1]))
-    steps = np.arange(_PARTS * (len(stretch) - 1) + 1) / _PARTS
+    # Parts of an interval between knots at whose ends the side of the line is tested on which a point lies.
+    parts = 4
+    steps = np.arange(parts * (len(stretch) - 1) + 1) / parts
     times = np.interp(steps, np.arange(len(stretch)), stretch)
     ends = np.concatenate([[begin], times[(times > begin) & (times < end)], [end] if end > begin else []])
     found = np.full(len(sight.point), np.nan)
     if len(ends) < 2:
         return found
     poses = sight.poses(ends)
-    for first in range(0, len(found), _AT_A_TIME):
-        rows = np.arange(first, min(first + _AT_A_TIME, len(found)))
+    # Points whose crossings are looked for together.
+    at_a_time = 256
+    for first in range(0, len(found), at_a_time):
+        rows = np.arange(first, min(first + at_a_time, len(found)))
         # The poses (k,) again and again, ``count`` times; of them what a sight needs.
         count = len(rows)
         position, rotation = np.tile(poses.position, (count, 1)), np.tile(poses.rotation, (count, 1, 1))

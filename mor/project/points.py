@@ -44,11 +44,6 @@ from mor.units import ANGLE, LENGTH
 
 # ---- Places of images, stations and systems given in the reference system of the project: where they start.
 
-_OBSERVED = (
-    "on the earth the place of a frame is a start value: observe it (projected_position, geodetic_position, "
-    "gnss_position), or put it on a point (column point)"
-)
-
 
 def place_names(world: EarthModel) -> tuple[str, ...]:
     """Names of the coordinates of frames: ``elevation`` for the height, for ``height`` is that of the instrument."""
@@ -64,7 +59,11 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     if world is None:  # mistakes in the points, told already
         return plain
     names = ", ".join(place_names(world))
-    rows.tell_where(np.any(~np.isnan(plain.sigma) | np.isfinite(plain.start), axis=1), _OBSERVED)
+    advice = (
+        "on the earth the place of a frame is a start value: observe it (projected_position, geodetic_position, "
+        "gnss_position), or put it on a point (column point)"
+    )
+    rows.tell_where(np.any(~np.isnan(plain.sigma) | np.isfinite(plain.start), axis=1), advice)
     given = plain.values
     if world.system.kind != "geocentric":
         words = f"x, y, z of its own are not possible on the earth; expected {names}"
@@ -74,7 +73,7 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     rows.tell_where(some & ~whole, f"a position on the earth needs all of {names}, or none")
     free, held = np.any(plain.free, axis=1), ~np.all(plain.free, axis=1)
     rows.tell_where(held & ~whole, "fixed or observed, but it has no coordinates")
-    rows.tell_where(held & free, _OBSERVED)
+    rows.tell_where(held & free, advice)
     places = world.to_object(given, _geoid(world, rows, given))
     nothing = np.full(places.shape, np.nan)
     return Statuses(places, plain.free, nothing, nothing)
@@ -301,8 +300,6 @@ def _first(seen: list[NameColumn], name: str) -> str:
 
 # ---- Tables of points on the earth, as they are given: coordinates, σ, geoid heights, deflections.
 
-ENU = ("east", "north", "up")
-
 
 class PointTable(NamedTuple):
     """One table of points as it was read."""
@@ -331,7 +328,8 @@ def read_point_table(
     for name in system.coordinates:
         quantity = ANGLE if name in ("latitude", "longitude") else LENGTH
         columns += [number_column(prefix + name, quantity, edge) for prefix in ("", "start_")]
-    columns += [number_column(f"sigma_{name}", LENGTH, edge) for name in ENU]
+    enu = ("east", "north", "up")
+    columns += [number_column(f"sigma_{name}", LENGTH, edge) for name in enu]
     columns += [number_column("sigma", LENGTH, edge), number_column(GEOID, LENGTH, edge)]
     rows = read_table(table, columns + [number_column(name, ANGLE, edge) for name in DEFLECTIONS], place)
     if rows is None:
@@ -342,7 +340,7 @@ def read_point_table(
     start = np.stack([rows.number(f"start_{name}") for name in system.coordinates], axis=1)
     if system.kind == "geographic":
         _check_degrees(coordinates, rows)
-    sigma = np.stack([rows.number(f"sigma_{name}") for name in ENU], axis=1)
+    sigma = np.stack([rows.number(f"sigma_{name}") for name in enu], axis=1)
     sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma)
     rows.tell_where(np.any(sigma < 0.0, axis=1), "found a negative σ, expected a σ ≥ 0")
     if table.fixed and len(table.fixed) < 3:
@@ -354,8 +352,7 @@ def read_point_table(
     rows.tell_where(np.any(sigma == 0.0, axis=1) & np.any(sigma != 0.0, axis=1), words)
     known = np.isfinite(coordinates)
     some = np.any(known, axis=1) & ~np.all(known, axis=1)
-    words = f"a position on the earth needs all of {', '.join(system.coordinates)}, or none"
-    rows.tell_where(some, words)
+    rows.tell_where(some, f"a position on the earth needs all of {', '.join(system.coordinates)}, or none")
     lost = np.any(sigma >= 0.0, axis=1) & ~np.any(known, axis=1)
     rows.tell_where(lost, "fixed or observed, but it has no coordinates")
     deflection = np.stack([rows.number(name) for name in DEFLECTIONS], axis=1)
@@ -514,13 +511,11 @@ def _orthometric(reading: Reading, section: WorldSection, system: ReferenceSyste
     if section.heights is None and not system.vertical and system.kind != "geocentric":
         if system.kind == "geographic" and len(system.crs.axis_info) == 3:
             return False
-        words = f"{system.name} does not say what heights refer to; set heights: ellipsoidal, or orthometric"
-        place.tell(words)
+        place.tell(f"{system.name} does not say what heights refer to; set heights: ellipsoidal, or orthometric")
     if system.kind == "geocentric" and section.heights == "orthometric":
         place.tell("heights: geocentric coordinates have none", "heights")
     if system.vertical and section.heights == "ellipsoidal":
-        words = f"heights: found ellipsoidal, but those of the system are {system.vertical!r}"
-        place.tell(words, "heights")
+        place.tell(f"heights: found ellipsoidal, but those of the system are {system.vertical!r}", "heights")
     return bool(system.vertical) or section.heights == "orthometric"
 
 

@@ -135,9 +135,6 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
 
 # ---- Planes, lines and right angles: local systems whose coordinates are observed as zero (MOR 1.5).
 
-NEEDED = {"plane": 4, "line": 3, "right angle": 3}
-"""Points from which on a feature says something about the object."""
-
 
 class _System(NamedTuple):
     """The local system of a feature that was read: blocks of position, rotation and offset."""
@@ -210,7 +207,9 @@ def _feature_group(
     if feature.id in systems:
         place.tell(f"id: there are two features {feature.id!r}", "id")
     _check_keys(feature, place, systems)
-    needed = NEEDED[feature.type] if feature.type in NEEDED else _needed(feature)
+    # Points from which on a feature says something about the object.
+    enough = {"plane": 4, "line": 3, "right angle": 3}
+    needed = enough[feature.type] if feature.type in enough else _needed(feature)
     if len(set(feature.points)) < needed:
         words = f"a {feature.type} observes nothing with {len(set(feature.points))} points; it needs {needed} or more"
         place.tell(words, "points")
@@ -239,38 +238,34 @@ def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
             place.tell(f"{name}: a {feature.type} has none", name)
     given = [key for key in RELATIONS if getattr(feature, key) is not None]
     if len(given) > 1:
-        words = "give only one of parallel, perpendicular, coaxial and coplanar"
-        place.tell(words, given[1])
+        place.tell("give only one of parallel, perpendicular, coaxial and coplanar", given[1])
+    round_types = ("circle", "cylinder", "cone", "torus")
+    can_have = {
+        "parallel": (*round_types, "plane"),
+        "perpendicular": round_types,
+        "coaxial": (*round_types, "sphere"),
+        "coplanar": ("circle", "torus"),
+    }
+    # Types of features that can have a relation, and of those that it can refer to.
+    can_give = {
+        "parallel": (*round_types, "plane", "line", "right angle"),
+        "perpendicular": (*round_types, "plane", "line", "right angle"),
+        "coaxial": (*round_types, "line"),
+        "coplanar": ("circle", "torus", "plane", "right angle"),
+    }
     for key in given:
         name = getattr(feature, key)
-        if feature.type not in _CAN_HAVE[key]:
+        if feature.type not in can_have[key]:
             place.tell(f"{key}: a {feature.type} cannot have it", key)
         if name not in systems:
             place.tell(f"{key}: no feature {name!r} stands above this one", key)
-        elif systems[name].type not in _CAN_GIVE[key]:
+        elif systems[name].type not in can_give[key]:
             type_ = systems[name].type
             plane = f"{key}: the {type_} {name!r} has no plane"
             axis = f"{key}: the {type_} {name!r} has no axis"
             place.tell(plane if key == "coplanar" else axis, key)
         elif key == "perpendicular" and systems[name].turn >= 0:
-            words = f"perpendicular: {name!r} is itself perpendicular to another feature"
-            place.tell(words, key)
-
-
-_ROUND = ("circle", "cylinder", "cone", "torus")
-_CAN_HAVE = {
-    "parallel": (*_ROUND, "plane"),
-    "perpendicular": _ROUND,
-    "coaxial": (*_ROUND, "sphere"),
-    "coplanar": ("circle", "torus"),
-}
-_CAN_GIVE = {
-    "parallel": (*_ROUND, "plane", "line", "right angle"),
-    "perpendicular": (*_ROUND, "plane", "line", "right angle"),
-    "coaxial": (*_ROUND, "line"),
-    "coplanar": ("circle", "torus", "plane", "right angle"),
-}
-"""Types of features that can have a relation, and of those that it can refer to."""
+            place.tell(f"perpendicular: {name!r} is itself perpendicular to another feature", key)
 
 
 def _needed(feature: Feature) -> int:
@@ -598,13 +593,6 @@ PARTS = {
 """Namespaces a parameter can be named in (``camera C1``), and the parts that have its components."""
 
 
-_WITH_NEUTRAL = (
-    *("height", "eccentricity", "distance meter", "refraction", "gnss frame", "scale"),
-    *(kind.key for kind in MOTIONS),
-)
-"""Kinds whose block number 0 is the neutral one of all that declare none."""
-
-
 class _BlockComponent(NamedTuple):
     """A component of a block: internal axes, and the sign that takes project axes to them."""
 
@@ -723,6 +711,11 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
     if space == "image" and bare in reading.image_times:
         raise ValueError(f"{name} is on a trajectory: it has no {component} of its own; name a knot of that")
     known: list[str] = []
+    # Kinds whose block number 0 is the neutral one of all that declare none.
+    with_neutral = (
+        *("height", "eccentricity", "distance meter", "refraction", "gnss frame", "scale"),
+        *(kind.key for kind in MOTIONS),
+    )
     for part in PARTS[space]:
         if part not in things.parts:
             continue  # nothing moves in this project
@@ -734,7 +727,7 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
         known += kind.names
         if component in kind.names:
             block, k = things.part(bare, part), kind.names.index(component)
-            neutral = (block == 0 and kind.key in _WITH_NEUTRAL) or reading.shop.neutral_blocks.get(kind.key) == block
+            neutral = (block == 0 and kind.key in with_neutral) or reading.shop.neutral_blocks.get(kind.key) == block
             if block < 0 or neutral:
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None

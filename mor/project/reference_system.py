@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
 RECORD = 16
 _RECORDS = 11
-_UNITS = {"SECONDS": 1.0 / 3600.0, "MINUTES": 1.0 / 60.0, "DEGREES": 1.0}
 ARCSEC = np.pi / (180.0 * 3600.0)
 
 
@@ -55,17 +54,15 @@ class Subgrid(NamedTuple):
         with np.errstate(over="ignore"):  # steps may be as small as a file says
             place = np.stack([(geodetic[:, 0] - self.south) / self.steps[0], to_west / self.steps[1]])
         last = np.array([[rows - 1.0], [columns - 1.0]])
-        inside = np.all((place >= -_EDGE) & (place <= last + _EDGE), axis=0)
+        # Steps beyond an edge that round-off of its coordinates may amount to.
+        edge = 1e-6
+        inside = np.all((place >= -edge) & (place <= last + edge), axis=0)
         place = np.where(inside, np.clip(place, 0.0, last), 0.0)
         i, j = np.minimum(place, last - 1.0).astype(int)
         up, left = (place - [i, j])[:, :, None]
         lower = self.nodes[i, j] * (1.0 - left) + self.nodes[i, j + 1] * left
         upper = self.nodes[i + 1, j] * (1.0 - left) + self.nodes[i + 1, j + 1] * left
         return np.asarray(np.where(inside[:, None], lower * (1.0 - up) + upper * up, np.nan))
-
-
-_EDGE = 1e-6
-"""Steps beyond an edge that round-off of its coordinates may amount to."""
 
 
 def read_gsb(file: Path) -> list[Subgrid]:
@@ -78,7 +75,8 @@ def read_gsb(file: Path) -> list[Subgrid]:
     if not order or len(content) < _RECORDS * RECORD:
         raise GridError("this is not a binary grid of the format NTv2 (GSB)")
     count = struct.unpack_from(order + "i", content, 2 * RECORD + 8)[0]
-    unit = _UNITS.get(content[3 * RECORD + 8 : 4 * RECORD].decode("latin-1").strip("\0 "))
+    units = {"SECONDS": 1.0 / 3600.0, "MINUTES": 1.0 / 60.0, "DEGREES": 1.0}
+    unit = units.get(content[3 * RECORD + 8 : 4 * RECORD].decode("latin-1").strip("\0 "))
     if unit is None:
         raise GridError("its angles (GS_TYPE) are none of SECONDS, MINUTES, DEGREES")
     grids, start = [], _RECORDS * RECORD
@@ -187,13 +185,6 @@ def _of_proj(file: Path, geodetic: FloatArray) -> FloatArray:
 #
 # No datum is ever changed here: a projection is undone within its own datum, and heights are taken as they are.
 
-COORDINATES = {
-    "geographic": ("latitude", "longitude", "height"),
-    "projected": ("east", "north", "height"),
-    "geocentric": ("x", "y", "z"),
-}
-"""Names of coordinates by the kind of system."""
-
 
 class ReferenceSystemError(ValueError):
     """The text does not name a reference system on the earth."""
@@ -224,7 +215,12 @@ class ReferenceSystem:
     @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of its three coordinates."""
-        return COORDINATES[self.kind]
+        # Names of coordinates by the kind of system.
+        return {
+            "geographic": ("latitude", "longitude", "height"),
+            "projected": ("east", "north", "height"),
+            "geocentric": ("x", "y", "z"),
+        }[self.kind]
 
     @property
     def ellipsoid(self) -> Ellipsoid:
@@ -271,16 +267,14 @@ class ReferenceSystem:
         area = self.crs.area_of_use
         if area is None:
             return np.zeros(len(geodetic), dtype=bool)
+        # Degrees by which networks may reach beyond the area a system is made for.
+        margin = 2.0
         with np.errstate(over="ignore", invalid="ignore"):  # what is no angle at all does not lie inside
             latitude, longitude = np.degrees(geodetic[:, :2]).T
-            east = (longitude - area.west + _MARGIN) % 360.0
+            east = (longitude - area.west + margin) % 360.0
         width = (area.east - area.west) % 360.0 or 360.0
-        north = (latitude >= area.south - _MARGIN) & (latitude <= area.north + _MARGIN)
-        return np.asarray(~(north & (east <= width + 2.0 * _MARGIN)))
-
-
-_MARGIN = 2.0
-"""Degrees by which networks may reach beyond the area a system is made for."""
+        north = (latitude >= area.south - margin) & (latitude <= area.north + margin)
+        return np.asarray(~(north & (east <= width + 2.0 * margin)))
 
 
 def reference_system(text: str) -> ReferenceSystem:
@@ -308,8 +302,7 @@ def reference_system(text: str) -> ReferenceSystem:
         words = f"{crs.name!r} has no datum: it does not say where on the earth its coordinates are"
         raise ReferenceSystemError(f"{words}; a local system needs no world, and one on the earth needs its ellipsoid")
     if any(axis.direction.lower() in ("south", "west") for axis in crs.axis_info[:2]):
-        words = f"the axes of {crs.name!r} count to the south or west, expected north and east"
-        raise ReferenceSystemError(words)
+        raise ReferenceSystemError(f"the axes of {crs.name!r} count to the south or west, expected north and east")
     return ReferenceSystem(crs, kind, vertical)
 
 
@@ -382,9 +375,11 @@ class EarthModel:
         """∂(east, north)/∂(e, n) (n, 2, 2) at object coordinates (n, 3): scale and convergence of the projection."""
         axes, nothing = self.horizon.local_axes(position), np.zeros(len(position))
         columns = []
+        # Length over which a projection is differentiated: its scale changes by 1/R for every unit.
+        step = 10.0
         for k in range(2):
-            ahead, behind = (self.from_object(position + sign * _NEAR * axes[:, k], nothing) for sign in (1, -1))
-            columns.append((ahead - behind)[:, :2] / (2.0 * _NEAR))
+            ahead, behind = (self.from_object(position + sign * step * axes[:, k], nothing) for sign in (1, -1))
+            columns.append((ahead - behind)[:, :2] / (2.0 * step))
         return np.stack(columns, axis=2)
 
     def convergence(self, east_north: FloatArray) -> FloatArray:
@@ -408,15 +403,11 @@ def _scaled(system: ReferenceSystem, coordinates: FloatArray, factor: float) -> 
     return np.asarray(coordinates * np.array(lengths))
 
 
-_NEAR = 10.0
-"""Length over which a projection is differentiated: its scale changes by 1/R for every unit."""
-_STEP = 1e-4
-"""Degrees to which the middle of a network is rounded: the object system stays the same when a digit changes."""
-
-
 def middle(ellipsoid: Ellipsoid, geodetic: FloatArray) -> Horizon:
     """The object system at the middle of places (n, 3), rounded."""
     directions = np.mean(ellipsoid.geocentric(geodetic), axis=0)
     latitude, longitude, _ = np.degrees(ellipsoid.geodetic(directions[None])[0])
-    rounded = np.radians(np.round(np.array([latitude, longitude]) / _STEP) * _STEP)
+    # Degrees to which the middle of a network is rounded: the object system stays the same when a digit changes.
+    step = 1e-4
+    rounded = np.radians(np.round(np.array([latitude, longitude]) / step) * step)
     return Horizon(ellipsoid, float(rounded[0]), float(rounded[1]))

@@ -260,11 +260,12 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     open_ = np.ones(len(known), dtype=bool)
     centre = np.zeros(len(known), dtype=bool)
     found: dict[str, list[tuple[BoolArray, IntArray]]] = {}
+    prefix = "centre:"
     for space, things in spaces.items():
         bare = known.str.strip_prefix(f"{space}:")
         if space == "image" and reference.among == POSITIONS:
-            centre = open_ & known.str.starts_with(_CENTRE).to_numpy()
-            bare = bare.str.strip_prefix(_CENTRE)
+            centre = open_ & known.str.starts_with(prefix).to_numpy()
+            bare = bare.str.strip_prefix(prefix)
         place = places(bare, pl.Series(things.ids, dtype=pl.String))
         here = open_ & (place >= 0)
         open_ &= ~here
@@ -293,9 +294,6 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     if reference.among == POSITIONS:
         _refuse_followers(resolved, rows)
     return resolved
-
-
-_CENTRE = "centre:"
 
 
 def _refuse_followers(resolved: Resolved, rows: Rows) -> None:
@@ -460,17 +458,9 @@ def note_points_under_instruments(
 #
 #     D = 273.15/1013.25 · (287.604 + 4.8864/λ² + 0.068/λ⁴)
 
-TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR = "temperature", "pressure", "humidity", "vapour_pressure"
-AIR = (TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR)
+AIR = ("temperature", "pressure", "humidity", "vapour_pressure")
 """Columns of the air: °C, hPa, %, hPa."""
 _ZERO = 273.15
-_LIMITS = {
-    TEMPERATURE: (-90.0, 60.0, "°C"),
-    PRESSURE: (300.0, 1100.0, "hPa"),
-    HUMIDITY: (0.0, 100.0, "%"),
-    VAPOUR: (0.0, 100.0, "hPa"),
-}
-"""What is found on the earth; beyond it the unit is another one."""
 
 
 class Air(NamedTuple):
@@ -510,20 +500,27 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
         return given
     constants = _constants(reading, entry, place)
     before = len(reading.problems)
-    for name, (least, most, unit) in _LIMITS.items():
+    # What is found on the earth; beyond it the unit is another one.
+    for name, (least, most, unit) in {
+        "temperature": (-90.0, 60.0, "°C"),
+        "pressure": (300.0, 1100.0, "hPa"),
+        "humidity": (0.0, 100.0, "%"),
+        "vapour_pressure": (0.0, 100.0, "hPa"),
+    }.items():
         words = f"{name}: expected a value between {least:g} and {most:g} {unit}"
         rows.tell_where((found[name] < least) | (found[name] > most), words)
-    lost = np.isnan(found[TEMPERATURE]) | np.isnan(found[PRESSURE])
-    words = "a distance with a column of the air needs both temperature and pressure"
-    rows.tell_where(lost, words)
-    both = np.isfinite(found[HUMIDITY]) & np.isfinite(found[VAPOUR])
+    lost = np.isnan(found["temperature"]) | np.isnan(found["pressure"])
+    rows.tell_where(lost, "a distance with a column of the air needs both temperature and pressure")
+    both = np.isfinite(found["humidity"]) & np.isfinite(found["vapour_pressure"])
     rows.tell_where(both, "give either humidity or vapour_pressure")
     if constants is None or len(reading.problems) > before:
         return given
     vapour = np.where(
-        np.isfinite(found[VAPOUR]), found[VAPOUR], np.nan_to_num(vapour_pressure(found[TEMPERATURE], found[HUMIDITY]))
+        np.isfinite(found["vapour_pressure"]),
+        found["vapour_pressure"],
+        np.nan_to_num(vapour_pressure(found["temperature"], found["humidity"])),
     )
-    correction = first_velocity_correction(Air(found[TEMPERATURE], found[PRESSURE], vapour), *constants)
+    correction = first_velocity_correction(Air(found["temperature"], found["pressure"], vapour), *constants)
     return given * (1.0 + correction[:, None])
 
 
@@ -544,21 +541,16 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     except UnitError as error:
         reading.at("instruments", str(name), "atmosphere").tell(f"wavelength: {error}")
         return None
-    if not _SHORTEST <= length <= _LONGEST:
+    # Wavelengths, µm, at which Barrell and Sears hold and distances are measured with light.
+    shortest, longest = 0.36, 2.0
+    if not shortest <= length <= longest:
         words = f"wavelength: found {said.wavelength}, expected one of light, as 0.658 um"
         reading.at("instruments", str(name), "atmosphere").tell(words)
         return None
     return said.C, dispersion_constant(length)
 
 
-_SHORTEST, _LONGEST = 0.36, 2.0
-"""Wavelengths, µm, at which Barrell and Sears hold and distances are measured with light."""
-
-
 # ---- What is observed of one thing alone, and is fixed there: it would be counted with r = 1, and says nothing.
-
-_ANYWHERE = 0.5
-"""Stands for a value that is not known yet: what an equation depends on, it depends on at nearly every place."""
 
 
 def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
@@ -573,7 +565,9 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
         places, tangents, free = [], [], []
         for slot, blocks in group.blocks_by_slot:
             store = reading.shop.store(slot.kind)
-            values = np.nan_to_num(store.all_values()[blocks], nan=_ANYWHERE)
+            # Stands for a value that is not known yet: what an equation depends on, it depends on at nearly every
+            # place.
+            values = np.nan_to_num(store.all_values()[blocks], nan=0.5)
             free.append(store.all_free()[blocks])
             if store.kind.is_rotation:
                 about_axes = np.isin(blocks, list(store.about_axes))[:, None, None]

@@ -76,8 +76,6 @@ class Strict(BaseModel):
 
 # ---- A table of a project file: its rows, or the file they stand in, its columns and units.
 
-_SAID = {"file": "a file", "direction": "a direction", "surface": "a surface"}
-
 
 class TableEntry(Strict):
     """Rows, here or in a file beside the project."""
@@ -102,7 +100,8 @@ class TableEntry(Strict):
     def _one_source(self) -> TableEntry:
         given = [key for key, value in self.sources.items() if value is not None]
         if len(given) != 1:
-            *others, last = (_SAID.get(key, key) for key in self.sources)
+            said = {"file": "a file", "direction": "a direction", "surface": "a surface"}
+            *others, last = (said.get(key, key) for key in self.sources)
             raise ValueError(f"give either {', '.join(others)} or {last}")
         if self.rows is not None and not isinstance(self.columns, list):
             raise ValueError("rows need a list of columns")
@@ -812,8 +811,6 @@ def _lenient(node: object) -> object:
 
 # ---- From plain data to the model: all mistakes of a file at once, each with its line and the nearest known name.
 
-_OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
-
 
 def validate(document: Document) -> ProjectFile:
     """The model of a project. Raises :class:`InputError` with every mistake found."""
@@ -875,7 +872,8 @@ def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetai
 
 def _of_another_kind(detail: ErrorDetails) -> bool:
     structured = isinstance(detail.get("input"), (dict, list))
-    return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
+    other_kind = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
+    return detail["type"] in other_kind or (detail["type"] == "literal_error" and structured)
 
 
 def _problems(document: Document, details: list[ErrorDetails], model: type[BaseModel]) -> list[Message]:
@@ -914,23 +912,17 @@ def _words(detail: ErrorDetails, path: KeyPath, where: str, whole: type[BaseMode
 
 
 _EXPECTED = {
-    "bool_parsing": "true or false",
-    "bool_type": "true or false",
+    **dict.fromkeys(("bool_parsing", "bool_type"), "true or false"),
+    **dict.fromkeys(("dict_type", "model_attributes_type", "model_type"), "keys and values"),
+    **dict.fromkeys(("float_parsing", "float_type"), "a number"),
+    **dict.fromkeys(("int_from_float", "int_parsing", "int_type"), "a whole number"),
     "date_from_datetime_parsing": "a date such as 2026-03-01",
-    "dict_type": "keys and values",
     "finite_number": "a finite number",
-    "float_parsing": "a number",
-    "float_type": "a number",
     "greater_than": "a number above {gt:g}",
     "greater_than_equal": "{ge:g} or more",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "int_type": "a whole number",
     "less_than": "a number below {lt:g}",
     "less_than_equal": "{le:g} or less",
     "list_type": "a list",
-    "model_attributes_type": "keys and values",
-    "model_type": "keys and values",
     "string_pattern_mismatch": "a number, with or without a unit",
     "string_too_long": "a single character",
     "string_too_short": "a text that is not empty",

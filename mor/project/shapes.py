@@ -44,12 +44,8 @@ FREEDOM = {
 
 # ---- Start values: the best of algebraic fits about many directions of the axis, each refined by least squares.
 
-_DIRECTIONS = 100
-"""Directions of the axis that are tried."""
 _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
-_AGREEING, _SAME = 5, 1e-3
-"""Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
 
 
 class Held(NamedTuple):
@@ -129,14 +125,16 @@ def _candidates(q: FloatArray, free: Freedom, held: Held | None) -> list[FloatAr
     """
     if held is not None and not held.perpendicular:
         return [held.rotation]
+    # Directions of the axis that are tried.
+    tried = 100
     if held is not None:
-        angles = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
+        angles = np.pi / tried * np.arange(tried)
         turns = exponential(angles[:, None] * np.array([0.0, 0.0, 1.0]))
         return list(PERPENDICULAR @ turns @ held.rotation)
     if not free.turns.any():
         return [np.eye(3)]
-    height = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(_DIRECTIONS)
+    height = (np.arange(tried) + 0.5) / tried
+    turn = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(tried)
     flat = np.sqrt(1.0 - height**2)
     spread = np.stack([flat * np.cos(turn), flat * np.sin(turn), height], axis=1)
     return [_about(z) for z in (*np.linalg.svd(q - q.mean(axis=0))[2], *spread)]
@@ -185,10 +183,12 @@ def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: 
 
     fits: list[tuple[float, FittedShape]] = []
     ordered = [sorted(some, key=lambda guess: _squares(type_, q, guess))[:_REFINED] for some in guesses]
+    # Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed.
+    agreeing, same = 5, 1e-3
     for guess in chain.from_iterable(ordered):
         fit = adjusted(guess)
         fits = sorted([*fits, (_squares(type_, q, fit), fit)], key=lambda one: one[0])
-        if len(fits) >= _AGREEING and fits[_AGREEING - 1][0] <= (1.0 + _SAME) * fits[0][0]:
+        if len(fits) >= agreeing and fits[agreeing - 1][0] <= (1.0 + same) * fits[0][0]:
             break
     return fits[0][1] if fits else None
 

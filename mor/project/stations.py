@@ -241,11 +241,9 @@ def _places(reading: Reading, table: Stations, rows: Rows) -> tuple[IntArray, In
         place = any(np.isfinite(rows.number(name)[i]) for name in (*POINT.names, *HEIGHT.names))
         place |= bool(rows.text(shared_column(HEIGHT))[i])
         if station not in known:
-            words = f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set"
-            rows.tell(i, words)
+            rows.tell(i, f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set")
         elif place or rows.text("point")[i]:
-            words = f"set {rows.text('set')[i]!r} of station {station!r} has the position of its station"
-            rows.tell(i, words)
+            rows.tell(i, f"set {rows.text('set')[i]!r} of station {station!r} has the position of its station")
         else:
             position[i], height[i] = known[station]
             reading.sets[set_name(station, rows.text("set")[i])] = (station, rows.text("set")[i])

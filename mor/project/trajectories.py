@@ -23,13 +23,10 @@ from mor.model.parameters import (
 from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.model.trajectory import (
     ATTITUDE,
-    CONSTANT_ATTITUDE,
-    CONSTANT_POSITION,
     CUBIC,
     LINEAR,
     POSITION,
-    SMOOTH_ATTITUDE,
-    SMOOTH_POSITION,
+    STEADINESS,
     trajectory_attitude,
     trajectory_position,
 )
@@ -50,15 +47,7 @@ from mor.project.points import positions, rotations
 from mor.project.rows import ReadGroup, group_name, own_or_common, planned_rows, sigma_is_good
 from mor.project.schema import Camera, Observations, TrajectoryEntry
 from mor.project.stations import shared_column
-from mor.project.tables import (
-    Column,
-    Rows,
-    TableLocation,
-    component_columns,
-    number_column,
-    read_table,
-    settings,
-)
+from mor.project.tables import Column, Rows, TableLocation, component_columns, number_column, read_table, settings
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import IMAGE, NUMBER, TIME
 
@@ -84,11 +73,9 @@ def read_scanner(reading: Reading, name: str, camera: Camera, scale: ImageScale)
     except UnitError as error:
         place.tell(f"{key}: {error}", key)
     if not scale.corner:
-        words = "a line scanner needs coordinates: corner; its rows count from the first line"
-        place.tell(words)
+        place.tell("a line scanner needs coordinates: corner; its rows count from the first line")
     if camera.readout is not None:
-        words = "a camera has a readout time or is a line scanner, not both"
-        place.tell(words, "readout")
+        place.tell("a camera has a readout time or is a line scanner, not both", "readout")
     reading.scanners[name] = Scanner(line_time, line)
 
 
@@ -225,8 +212,7 @@ def _seconds(reading: Reading, place: TableLocation, key: str, text: str | None)
 
 def _only_starts(table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
     if table.fixed:
-        words = "fixed: knots at a spacing are free; observe them by rows of type trajectory_position"
-        place.tell(words, "fixed")
+        place.tell("fixed: knots at a spacing are free; observe them by rows of type trajectory_position", "fixed")
     given = [f"{kind}_{name}" for kind in ("sigma", "start") for name in _POSE]
     for name in given:
         if np.isfinite(rows.number(name)).any():
@@ -245,8 +231,7 @@ def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> No
     words = "trajectory {0!r}: {1} comes after {2}; expected times in ascending order"
     rows.tell_where(step < 0.0, lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1])))
     if len(time) < LINEAR:
-        words = f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation"
-        rows.tell(0, words)
+        rows.tell(0, f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation")
 
 
 def _trajectory(
@@ -284,9 +269,11 @@ def _at_spacing(
     """
     given = rows.number("time")
     pieces = []
+    # Part of a step that round-off may add to a whole number of them.
+    round_off = 1e-9
     for k in range(int(stretch[-1]) + 1):
         ends = given[stretch == k][[0, -1]]
-        steps = max(int(np.ceil((ends[1] - ends[0]) / spacing - _WHOLE)), 1) if ends[1] > ends[0] else 0
+        steps = max(int(np.ceil((ends[1] - ends[0]) / spacing - round_off)), 1) if ends[1] > ends[0] else 0
         pieces.append(np.linspace(ends[0], ends[1], steps + 1))
     times = np.concatenate(pieces)
     numbers = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
@@ -299,10 +286,6 @@ def _at_spacing(
         for kind, part in ((POINT, values[:, :3]), (ROTATION, values[:, 3:]))
     ]
     return times, numbers, blocks[0], blocks[1]
-
-
-_WHOLE = 1e-9
-"""Part of a step that round-off may add to a whole number of them."""
 
 
 def between_rows(given: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:
@@ -332,7 +315,6 @@ def between_rows(given: FloatArray, values: FloatArray, times: FloatArray) -> Fl
 
 NAVIGATION = {POSITION: trajectory_position, ATTITUDE: trajectory_attitude}
 """Types a project names, and what makes one for a number of knots."""
-_SHIFTS = {POSITION: (POSITION_SHIFT, "position"), ATTITUDE: (ATTITUDE_SHIFT, "attitude")}
 
 
 def navigation_columns(key: str, edge: Edge) -> list[Column]:
@@ -425,10 +407,19 @@ def _group(
     observed = np.stack([own.number(c.name) for c in type_.components], axis=1)
     sigma = np.stack([own_or_common(own.number(f"sigma_{c.name}"), common) for c in type_.components], axis=1)
     own.tell_where(np.asarray(~np.isfinite(observed).any(axis=1)), "nothing is observed in this row")
+    count = len(chosen)
+    arm, _, offset = type_.slots[-3:]
+    things, shop = reading.shop.things["instrument"], reading.shop
+    blocks = []
+    for slot in (arm, offset):
+        block = things.part(entry.instrument, slot.part) if entry.instrument else -1
+        neutral = 0 if slot.kind == "eccentricity" else -1
+        block = neutral if block < 0 else block
+        blocks.append(np.full(count, shop.neutral(slot.kind) if block < 0 else block, dtype=np.int64))
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,
-        blocks=(*positions.T, *rotations.T, *_instrument(reading, entry, type_, len(chosen), shift)),
+        blocks=(*positions.T, *rotations.T, blocks[0], shift, blocks[1]),
         observed=observed,
         sigma=sigma * entry.factor,
         constants=np.concatenate([(times - middle)[:, None], clock.constants], axis=1),
@@ -443,25 +434,12 @@ def _group(
     return ReadGroup(group, number, chosen, np.eye(size), np.ones(size))
 
 
-def _instrument(
-    reading: Reading, entry: Observations, type_: ObservationType, count: int, shift: IntArray
-) -> list[IntArray]:
-    arm, _, offset = type_.slots[-3:]
-    things, shop = reading.shop.things["instrument"], reading.shop
-    blocks = []
-    for slot in (arm, offset):
-        block = things.part(entry.instrument, slot.part) if entry.instrument else -1
-        neutral = 0 if slot.kind == "eccentricity" else -1
-        block = neutral if block < 0 else block
-        blocks.append(np.full(count, shop.neutral(slot.kind) if block < 0 else block, dtype=np.int64))
-    return [blocks[0], shift, blocks[1]]
-
-
 def _shifts(
     reading: Reading, entry: Observations, rows: Rows, place: TableLocation
 ) -> tuple[IntArray, FloatArray] | None:
     """Block of shift and drift of every row, and the time they refer to; ``None`` if the instrument is unknown."""
-    kind, key = _SHIFTS[entry.type]
+    shifts = {POSITION: (POSITION_SHIFT, "position"), ATTITUDE: (ATTITUDE_SHIFT, "attitude")}
+    kind, key = shifts[entry.type]
     known = reading.project.instruments
     if entry.instrument is not None and entry.instrument not in known:
         place.tell(unknown_name("instrument", entry.instrument, known), "instrument")
@@ -501,13 +479,6 @@ def _strip(
 
 # ---- Constancy and smoothness of trajectories: differences of neighbouring knots, observed as 0.
 
-_TYPES = {
-    ("constancy", "position"): CONSTANT_POSITION,
-    ("constancy", "attitude"): CONSTANT_ATTITUDE,
-    ("smoothness", "position"): SMOOTH_POSITION,
-    ("smoothness", "attitude"): SMOOTH_ATTITUDE,
-}
-
 
 def steadiness_groups(reading: Reading) -> list[ObservationGroup]:
     """One group for every table of trajectories and kind of difference that has a σ."""
@@ -515,7 +486,7 @@ def steadiness_groups(reading: Reading) -> list[ObservationGroup]:
     for number, table in enumerate(reading.project.trajectories):
         own = {name.rpartition("@")[0] for name in reading.table_ids.get(("trajectories", number), [])}
         trajectories = [reading.trajectories[name] for name in reading.trajectories if name in own]
-        for (key, part), type_ in _TYPES.items():
+        for (key, part), type_ in STEADINESS.items():
             text = getattr(getattr(table, key), part)
             if text is None:
                 continue
@@ -568,8 +539,6 @@ def _group_of_steadiness(
 
 TRAJECTORY = "trajectory"
 """Part of an image: the number of its trajectory, −1 where it has none."""
-_FAR = np.array([0.0, 1e6])
-"""Rows that say a steady rate, so far apart that times of a day, or of a week, leave it all its digits."""
 
 
 def trajectory_columns(reading: Reading) -> list[Column]:
@@ -601,8 +570,7 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Co
     for i in np.flatnonzero(on & ~timeless).tolist():
         trajectory = reading.trajectories[named[i]]
         if not trajectory.clock(times[i : i + 1]).inside[0]:
-            words = f"image {names[i]!r}: {trajectory.outside(float(times[i]))}"
-            rows.tell(i, words)
+            rows.tell(i, f"image {names[i]!r}: {trajectory.outside(float(times[i]))}")
         result[i] = ids.index(named[i])
         reading.image_times[names[i]] = float(times[i])
     return result
@@ -611,23 +579,23 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Co
 def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> FloatArray:
     """Times (n,) of images, those of line scanners of their first lines; how these go on goes to ``reading``."""
     times, cameras = rows.number("time").copy(), rows.text("camera")
+    # Rows that say a steady rate, so far apart that times of a day, or of a week, leave it all its digits.
+    far = np.array([0.0, 1e6])
     for i, name in enumerate(names):
         if not scans[i]:
             if name in reading.lines:
-                words = f"image {name!r} has times of its lines, but its camera has neither line_time nor line"
-                rows.tell(i, words)
+                rows.tell(i, f"image {name!r} has times of its lines, but its camera has neither line_time nor line")
             continue
         if name in reading.lines:
             if np.isfinite(times[i]):
-                words = f"image {name!r} has a time, and a table of the times of its lines; expected one of them"
-                rows.tell(i, words)
+                rows.tell(i, f"image {name!r} has a time, and a table of the times of its lines; expected one of them")
             times[i] = reading.lines[name].times[0]
             continue
         step = reading.scanners[cameras[i]].line_time
         if np.isnan(step) and "camera" not in reading.broken:
             words = f"image {name!r}: its camera has no line_time, and there is no table of the times of its lines"
             rows.tell(i, words)
-        reading.lines[name] = RowTimes(_FAR, times[i] + step * _FAR, True)
+        reading.lines[name] = RowTimes(far, times[i] + step * far, True)
     return times
 
 

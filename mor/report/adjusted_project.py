@@ -231,8 +231,6 @@ def pose_columns(
 #
 # Steps and coordinates of single epochs start among the points.
 
-_MODELS = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
-
 
 def motions(
     placed: Placed, entries: list[dict[str, Any]], tables: dict[str, pl.DataFrame | str]
@@ -240,12 +238,13 @@ def motions(
     """The entries of the section ``motions``; tables of start values are added to ``tables``."""
     result = []
     points = placed.network.things["point"]
+    models = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
     for number, (entry, (model, names)) in enumerate(zip(entries, placed.network.motion.tables, strict=True), 1):
-        if model not in _MODELS:
+        if model not in models:
             result.append(entry)
             continue
         columns: dict[str, Any] = {}
-        for kind in (kind for kind in MOTIONS if kind.key in _MODELS[model]):
+        for kind in (kind for kind in MOTIONS if kind.key in models[model]):
             blocks = np.array([points.part(name, kind.key) for name in names], dtype=np.int64)
             columns |= motion_columns(placed, kind, blocks)
         file = f"start_motions_{number}.csv"
@@ -479,8 +478,6 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
 
 Given: TypeAlias = pl.DataFrame | str
 """A table beside the project, or the text of a matrix."""
-_REMARKED = 50
-"""Things that nothing determines that are named in the adjusted project."""
 
 
 def adjusted_project(placed: Placed, document: Document, source: Path, target: Path) -> tuple[str, dict[str, Given]]:
@@ -552,12 +549,14 @@ def start_names(section: str, count: int) -> list[str]:
 
 def remarks(things: Sequence[UndeterminedObject]) -> str:
     """Comments that say what did not take part, or only with its direction."""
+    # Things that nothing determines that are named in the adjusted project.
+    remarked = 50
     lines = [
         f"# {thing.treatment}: {thing.kind} {json.dumps(thing.name, ensure_ascii=False)}: {thing.reason}"
-        for thing in things[:_REMARKED]
+        for thing in things[:remarked]
     ]
-    if len(things) > _REMARKED:
-        lines.append(f"# and {len(things) - _REMARKED} more: undetermined.csv has all of them")
+    if len(things) > remarked:
+        lines.append(f"# and {len(things) - remarked} more: undetermined.csv has all of them")
     return "".join(f"{line}\n" for line in lines)
 
 

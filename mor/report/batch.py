@@ -115,12 +115,12 @@ td:last-child { color: #555; }
   a { color: #8ab4f8; }
 }
 """
-_HEADERS = ("project", "verdict", "n", "redundancy", "sigma0 [1]", "flagged", "uncontrolled", "differences")
 
 
 def batch_page(rows: Sequence[BatchRow], words: Words) -> str:
     """One page with the table; each project leads to its report."""
-    heads = "".join(f"<th>{escape(words.header(name))}</th>" for name in _HEADERS)
+    headers = ("project", "verdict", "n", "redundancy", "sigma0 [1]", "flagged", "uncontrolled", "differences")
+    heads = "".join(f"<th>{escape(words.header(name))}</th>" for name in headers)
     lines = "\n".join(_line(row, words) for row in rows)
     said = escape(summary(rows, words))
     return (

@@ -38,9 +38,6 @@ from mor.units import LENGTH_UNITS
 
 # ---- Content of a camera certificate as plain data.
 
-ROWS = 12
-"""Rows of the table of distortion, at most."""
-
 
 class Certificate(NamedTuple):
     """A camera of an adjustment: its parameters, its distortion and what they rest on. Lengths in ``unit``."""
@@ -100,8 +97,10 @@ def certificate(view: View, name: str, coverage: float | None = None) -> Certifi
     largest = max(covered, corner or 0.0)
     residuals = measured.select("vx", "vy").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
     quantities = {component.name: component.quantity for component in INTERIORS[camera["model"]].components}
-    power = 10.0 ** np.floor(np.log10(largest / ROWS))
-    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * ROWS >= largest)
+    # Rows of the table of distortion, at most.
+    most_rows = 12
+    power = 10.0 ** np.floor(np.log10(largest / most_rows))
+    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * most_rows >= largest)
     count = int(np.floor(largest / step * (1.0 + 1e-12)))
     return Certificate(
         view=view,

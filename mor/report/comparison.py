@@ -5,12 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-IGNORED = {
-    *("program", "identity", "title", "iterations", "kernels", "iteration_log", "tables", "files"),
-    *("snooping", "suspicious", "robust"),
-}
-"""Keys that may differ between two runs that agree."""
-
 
 class Difference(NamedTuple):
     """A difference between two results."""
@@ -37,8 +31,13 @@ def differences(one: Any, other: Any, tolerance: float) -> list[Difference]:
 
 def _differences(one: Any, other: Any, tolerance: float, place: str) -> Iterator[Difference]:
     if isinstance(one, dict) and isinstance(other, dict):
+        # Keys that may differ between two runs that agree.
+        ignored = {
+            *("program", "identity", "title", "iterations", "kernels", "iteration_log", "tables", "files"),
+            *("snooping", "suspicious", "robust"),
+        }
         for key in [*one, *(key for key in other if key not in one)]:
-            if key in IGNORED:
+            if key in ignored:
                 continue
             here = f"{place}.{key}" if place else key
             if key not in one or key not in other:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,9 +22,8 @@ from mor.report.units import angle_unit, unit_of
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
-LARGEST = 6000
-"""Unknowns up to which the whole matrix is worked out."""
-FORMATS = (".npz", ".csv", ".mtx")
+HeadedRows = tuple[list[str], list[list[object]]]
+"""Names of the columns of a table, and its rows."""
 
 
 class Labelled(NamedTuple):
@@ -99,8 +98,10 @@ def relative_pose(solved: Solved, first: str, second: str) -> RelativePose:
 def covariance_of_everything(solved: Solved) -> Labelled:
     """Covariance of all unknowns. Raises :class:`InputError` if there are too many."""
     index = solved.adjustment.problem.index
-    if index.count > LARGEST:
-        words = f"{index.count} unknowns: the full matrix is written up to {LARGEST}; choose --points or --blocks"
+    # Unknowns up to which the whole matrix is worked out.
+    largest = 6000
+    if index.count > largest:
+        words = f"{index.count} unknowns: the full matrix is written up to {largest}; choose --points or --blocks"
         raise InputError([Message(words)])
     blocks = [
         (kind, int(number))
@@ -142,25 +143,16 @@ def _interior_blocks(solved: Solved, names: Sequence[str]) -> list[tuple[str, in
     ]
 
 
-def relative_pose_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list[object]]:
+def relative_pose_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> HeadedRows:
     """Rows from, to, the six values, their σ, and the upper triangle of their covariance."""
+    names, upper = ("bx", "by", "bz", "omega", "phi", "kappa"), np.triu_indices(6)
+    of_covariance = (f"cov_{names[i]}_{names[j]}" for i, j in zip(*upper, strict=True))
     rows: list[list[object]] = []
     for one, other in pairs:
         found = relative_pose(solved, one, other)
         sigma = np.sqrt(np.maximum(np.diagonal(found.covariance), 0.0))
-        rows.append([one, other, *found.values.tolist(), *sigma.tolist(), *found.covariance[_UPPER].tolist()])
-    return rows
-
-
-POSE = ("bx", "by", "bz", "omega", "phi", "kappa")
-_UPPER = np.triu_indices(6)
-RELATIVE_POSE_HEADER = (
-    "from",
-    "to",
-    *POSE,
-    *(f"s{name}" for name in POSE),
-    *(f"cov_{POSE[i]}_{POSE[j]}" for i, j in zip(*_UPPER, strict=True)),
-)
+        rows.append([one, other, *found.values.tolist(), *sigma.tolist(), *found.covariance[upper].tolist()])
+    return ["from", "to", *names, *(f"s{name}" for name in names), *of_covariance], rows
 
 
 def point_numbers(solved: Solved, names: Sequence[str]) -> list[int]:
@@ -239,17 +231,20 @@ def _quality(solved: Solved) -> Quality:
     return solved.quality
 
 
-def point_blocks(solved: Solved) -> list[list[object]]:
+def point_blocks(solved: Solved) -> HeadedRows:
     """Rows id, xx, xy, xz, yy, yz, zz of all points, in project axes."""
     quality, M = _quality(solved), solved.network.edge.matrix
     points = solved.network.things["point"]
     q = quality.cofactors["point"][points.parts["position"]] * quality.sigma_factor**2
     turned = M.T @ q @ M
     upper = [(i, j) for i in range(3) for j in range(i, 3)]
-    return [[name, *(float(turned[n, i, j]) for i, j in upper)] for n, name in enumerate(points.ids)]
+    rows: list[list[object]] = [
+        [name, *(float(turned[n, i, j]) for i, j in upper)] for n, name in enumerate(points.ids)
+    ]
+    return ["id", "xx", "xy", "xz", "yy", "yz", "zz"], rows
 
 
-def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list[object]]:
+def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> HeadedRows:
     """Rows from, to, dx, dy, dz, σ of them, distance, its σ, semi-axes a b c, in project axes."""
     quality, M = _quality(solved), solved.network.edge.matrix
     rows: list[list[object]] = []
@@ -262,11 +257,7 @@ def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list
         of_length = float(np.sqrt(max(float(along @ found.covariance @ along), 0.0)))
         numbers = np.concatenate([found.difference @ M, sigma, [length, of_length], found.axes])
         rows.append([one, other, *numbers.tolist()])
-    return rows
-
-
-POINT_BLOCK_HEADER = ("id", "xx", "xy", "xz", "yy", "yz", "zz")
-RELATIVE_HEADER = ("from", "to", "dx", "dy", "dz", "sdx", "sdy", "sdz", "distance", "sdistance", "a", "b", "c")
+    return ["from", "to", "dx", "dy", "dz", "sdx", "sdy", "sdz", "distance", "sdistance", "a", "b", "c"], rows
 
 
 def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
@@ -279,13 +270,12 @@ def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object
 
 def check_covariance(path: Path) -> None:
     """Raise :class:`InputError` for a file whose suffix names no format of covariances."""
-    if path.suffix not in FORMATS:
-        raise InputError([Message(f"expected one of {', '.join(FORMATS)}", str(path))])
+    suffixes = (".npz", ".csv", ".mtx")
+    if path.suffix not in suffixes:
+        raise InputError([Message(f"expected one of {', '.join(suffixes)}", str(path))])
 
 
-def with_expanded(
-    header: Sequence[str], rows: Sequence[Sequence[object]], factor: float
-) -> tuple[list[str], list[list[object]]]:
+def with_expanded(header: Sequence[str], rows: Sequence[Sequence[object]], factor: float) -> HeadedRows:
     """Header and rows with a column U for every column of σ (``sdx``) or variances (``xx``): U = k σ."""
     of = [(k, name[1:], 1.0) for k, name in enumerate(header) if name.startswith("s")]
     of = of or [(k, name[0], 0.5) for k, name in enumerate(header) if name in ("xx", "yy", "zz")]
@@ -319,16 +309,12 @@ def write_covariance(path: Path, found: Labelled, factor: float | None) -> None:
         ]
         write_rows(path, header, rows)
     else:
-        path.write_text(_matrix_market(found, expanded), encoding="utf-8")
-
-
-def _matrix_market(found: Labelled, expanded: Mapping[str, FloatArray]) -> str:
-    size = len(found.labels)
-    lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
-    lines += [
-        f"% {k + 1}: {label} [{unit}]" + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
-        for k, (label, unit) in enumerate(zip(found.labels, found.units, strict=True))
-    ]
-    lines.append(f"{size} {size}")
-    lines += [repr(float(found.matrix[i, j])) for j in range(size) for i in range(j, size)]
-    return "\n".join(lines) + "\n"
+        size = len(found.labels)
+        lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
+        lines += [
+            f"% {k + 1}: {label} [{unit}]" + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
+            for k, (label, unit) in enumerate(zip(found.labels, found.units, strict=True))
+        ]
+        lines.append(f"{size} {size}")
+        lines += [repr(float(found.matrix[i, j])) for j in range(size) for i in range(j, size)]
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")

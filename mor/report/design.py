@@ -37,17 +37,7 @@ from mor.report import verdict as words_of_reliability
 from mor.report.estimates import image_table, point_table, rms_sigma, station_table
 from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
-from mor.report.layout import (
-    DIGITS,
-    cells,
-    heading,
-    paragraphs,
-    round_length,
-    short,
-    sigma_decimals,
-    small_unit,
-    table,
-)
+from mor.report.layout import DIGITS, cells, heading, paragraphs, round_length, short, sigma_decimals, small_unit, table
 from mor.report.movements import DRAWING_WIDTH, MARGIN, drawing, fitted, labels, widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
@@ -62,23 +52,15 @@ from mor.types import FloatArray, IntArray
 
 # ---- A plan as plain data, and its tables.
 
-SCHEMA = "mor-design"
-SCHEMA_VERSION = 1
-OBSERVATIONS = (
-    *("type", "group", "at", "from", "to", "component", "unit", "planned", "sigma", "sigma_adjusted"),
-    *("r", "nabla", "external"),
-)
-"""Columns of the table of planned observations."""
-_OF_MEASUREMENT = (
-    *("iterations", "iteration_log", "kernels", "global_test", "flagged", "sigma0", "critical_w", "schema"),
-)
-
 
 def design_data(solved: Solved, judged: Sequence[RequirementResult], of: RunIdentity) -> dict[str, Any]:
     """Return the expected precision of a plan; nothing in it depends on measured values."""
-    about = {key: value for key, value in summary(solved).items() if key not in _OF_MEASUREMENT}
-    about["schema_version"] = SCHEMA_VERSION
-    data: dict[str, Any] = {"schema": SCHEMA, **about, "plan": True}
+    of_measurement = (
+        *("iterations", "iteration_log", "kernels", "global_test", "flagged", "sigma0", "critical_w", "schema"),
+    )
+    about = {key: value for key, value in summary(solved).items() if key not in of_measurement}
+    about["schema_version"] = 1
+    data: dict[str, Any] = {"schema": "mor-design", **about, "plan": True}
     data["require"] = [requirement_row(one, solved) for one in judged]
     data["fulfilled"] = solved.quality is not None and all(one.met for one in judged)
     data["outside_format"] = count_outside_the_format(solved.network)
@@ -158,7 +140,6 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
 
 _MOST = 640
 """Largest height of the drawing of a network."""
-_BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
 class NetworkDrawing(NamedTuple):
@@ -253,39 +234,31 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
     largest = max([float(row[key] or 0.0) for row in rows for key in keys] + [1e-300])
     best = max([float(row["smallest_r"] or 0.0) for row in rows] + [1e-300])
     parts, y = [], 10.0
+    bar, gap, room_of_names, room_of_bars = 11, 14, 220, 520
     for number, row in enumerate(rows):
         name = words.listed(row["name"]) if number == 0 else row["name"]
         said_name = name if len(name) <= 30 else f"{name[:29]}…"
         verdict = "none" if row["redundancy"] is None else "good" if row["fulfilled"] else "bad"
         judged = verdict if row["require"] or verdict == "none" else "none"
         parts.append(
-            f'<text class="name {judged}" x="{_NAMES - 10}" y="{y + 2 * _BAR + 4:.0f}">{escape(said_name)}</text>'
+            f'<text class="name {judged}" x="{room_of_names - 10}" y="{y + 2 * bar + 4:.0f}">{escape(said_name)}</text>'
         )
         bars = [*((f"s{k[-1].upper()}", row[k], largest, unit, k[-1]) for k in keys)]
         bars.append(("min r", row["smallest_r"], best, "", "r"))
         for said, value, most, its_unit, kind in bars:
-            length = _BARS * float(value or 0.0) / most
+            length = room_of_bars * float(value or 0.0) / most
             number_said = words.number(f"{value:#.3g}") if value is not None else words("no solution")
             parts.append(
-                f'<rect class="{kind}" x="{_NAMES}" y="{y:.1f}" width="{length:.1f}" height="{_BAR - 2}"/>'
-                f'<text class="value" x="{_NAMES + length + 5:.1f}" y="{y + _BAR - 3:.1f}">'
+                f'<rect class="{kind}" x="{room_of_names}" y="{y:.1f}" width="{length:.1f}" height="{bar - 2}"/>'
+                f'<text class="value" x="{room_of_names + length + 5:.1f}" y="{y + bar - 3:.1f}">'
                 f"{said} {escape(number_said)} {its_unit}</text>"
             )
-            y += _BAR
-        y += _GAP
+            y += bar
+        y += gap
     return drawing(parts, DRAWING_WIDTH, y, words("Variants"), "drawing variants")
 
 
 # ---- The ranking of a plan as a table, and its first lines in words.
-
-SHOWN = 10
-"""Observations of each kind that the text names."""
-_SCHEMA = {
-    **dict.fromkeys(("kind", "type", "group", "at", "from", "to"), pl.String),
-    **dict.fromkeys(("rank", "measurements"), pl.Int64),
-    **dict.fromkeys(("shortfall", "rms_sigma", "largest_sigma_ratio", "smallest_r"), pl.Float64),
-    "possible": pl.Boolean,
-}
 
 
 def now_row(now: PlanMeasures, network: Network) -> dict[str, Any]:
@@ -309,7 +282,13 @@ def ranking_table(
         *(_row(network, "add", k, one, one.unit.cost, texts) for k, one in enumerate(candidates, start=1)),
         *(_row(network, "greedy", k, one.ranked, one.measurements, texts) for k, one in enumerate(steps, 1)),
     ]
-    return pl.DataFrame(rows, schema=_SCHEMA, orient="row")
+    schema = {
+        **dict.fromkeys(("kind", "type", "group", "at", "from", "to"), pl.String),
+        **dict.fromkeys(("rank", "measurements"), pl.Int64),
+        **dict.fromkeys(("shortfall", "rms_sigma", "largest_sigma_ratio", "smallest_r"), pl.Float64),
+        "possible": pl.Boolean,
+    }
+    return pl.DataFrame(rows, schema=schema, orient="row")
 
 
 def _row(
@@ -361,7 +340,8 @@ def ranking_text(frame: pl.DataFrame, now: PlanMeasures, network: Network, unest
         ("greedy", "Chosen one after another, each with those before it"),
     ):
         some = frame.filter(pl.col("kind") == kind)
-        shown = some if kind == "greedy" else some.head(SHOWN)
+        # Observations of each kind that the text names.
+        shown = some if kind == "greedy" else some.head(10)
         if some.height:
             rms = _rms(now, network)
             columns = "measurements shortfall:.4g rms_sigma:.5g largest_sigma_ratio:.4g smallest_r:.4g"
@@ -612,20 +592,19 @@ USUAL_FILES = ("design.json", "design.txt", "design.html")
 """Files that every plan has."""
 
 
-def write_design(
-    solved: Solved,
-    text: str,
-    data: str,
-    more: dict[str, Content],
-    place: Reservation,
-) -> None:
+def write_design(solved: Solved, text: str, data: str, more: dict[str, Content], place: Reservation) -> None:
     """Write report, data and tables of a plan; where it has no solution report and data alone."""
     writers: dict[str, Content] = {"design.txt": text, "design.json": data, **more}
     if solved.quality is not None:
         writers["points.csv"] = table_writer(point_table(solved))
         # All planned observations: the value to be expected, σ, σ adjusted, r, ∇, δ̄0.
         frame = observation_table(solved).rename({"observed": "planned"})
-        writers["planned.csv"] = table_writer(frame.select(OBSERVATIONS))
+        # Columns of the table of planned observations.
+        observations = (
+            *("type", "group", "at", "from", "to", "component", "unit", "planned", "sigma", "sigma_adjusted"),
+            *("r", "nabla", "external"),
+        )
+        writers["planned.csv"] = table_writer(frame.select(observations))
         if solved.network.things["image"].ids:
             writers["images.csv"] = table_writer(image_table(solved).drop("rms"))
     write_folder(place, writers)
@@ -633,13 +612,6 @@ def write_design(
 
 # ---- The page of a plan, in one file that needs nothing else; in that of a small network observations can be switched.
 
-_WORDS = (
-    "reached",
-    "NOT REACHED",
-    "This cannot be spared: something would be undetermined.",
-    "{on} of {all} observations; smallest r {r} ({place})",
-)
-"""Sentences that the script of the page says."""
 _SIGMAS = ("sx", "sy", "sz")
 
 
@@ -762,6 +734,13 @@ def _payload(
     assert quality is not None
     row, column = np.nonzero(found.rows)
     blocks = network.things["point"].parts["position"]
+    # Sentences that the script of the page says.
+    sentences = (
+        "reached",
+        "NOT REACHED",
+        "This cannot be spared: something would be undetermined.",
+        "{on} of {all} observations; smallest r {r} ({place})",
+    )
     data = {
         "unknowns": len(found.cofactors),
         "cofactors": _packed(found.cofactors),
@@ -785,7 +764,7 @@ def _payload(
         "unit": network.project.units.length,
         "decimal": words.decimal,
         "decimals": _decimals(solved),
-        "words": {english: words.listed(english) for english in _WORDS},
+        "words": {english: words.listed(english) for english in sentences},
     }
     return json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
 

@@ -47,9 +47,6 @@ from mor.units import ANGLE_UNITS, IMAGE
 
 # ---- Error ellipses and ellipsoids of points, and those of the differences of pairs of points.
 
-AT_A_TIME = 100
-"""Pairs whose covariances are worked out together."""
-
 
 def ellipse_table(solved: Solved) -> pl.DataFrame:
     """Points with unknowns: ellipse in plan, and the semi-axes of the ellipsoid with directions.
@@ -59,9 +56,14 @@ def ellipse_table(solved: Solved) -> pl.DataFrame:
     numbers = free_points(solved)
     covariance = _covariances(solved, numbers)
     ids = solved.network.blocks["point"].ids
-    return pl.DataFrame(
-        {"id": [ids[k] for k in numbers], **_in_plan(solved, covariance), **_in_space(solved, covariance)}
-    )
+    space = error_ellipsoids(covariance)
+    edge, unit = solved.network.edge, angle_unit(solved)
+    columns: dict[str, FloatArray] = {}
+    for k in range(3):
+        columns[f"axis{k + 1}"] = space.axes[:, k]
+        columns[f"azimuth{k + 1}"] = bearings_of(edge, unit, space.azimuths[:, k])
+        columns[f"elevation{k + 1}"] = space.elevations[:, k] / ANGLE_UNITS[unit]
+    return pl.DataFrame({"id": [ids[k] for k in numbers], **_in_plan(solved, covariance), **columns})
 
 
 def free_points(solved: Solved) -> IntArray:
@@ -81,8 +83,10 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
         return []
     ids = solved.network.blocks["point"].ids
     differences = np.diff(solved.adjustment.values["point"][pairs], axis=1)[:, 0]
+    # Pairs whose covariances are worked out together.
+    at_a_time = 100
     parts = [
-        _of_differences(solved.quality, pairs[first : first + AT_A_TIME]) for first in range(0, len(pairs), AT_A_TIME)
+        _of_differences(solved.quality, pairs[first : first + at_a_time]) for first in range(0, len(pairs), at_a_time)
     ]
     covariance = np.concatenate([np.zeros((0, 3, 3)), *parts])
     lengths = np.linalg.norm(differences, axis=1)
@@ -151,17 +155,6 @@ def _in_plan(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
     return {"a": plan.a, "b": plan.b, "azimuth": azimuth}
 
 
-def _in_space(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
-    space = error_ellipsoids(covariance)
-    edge, unit = solved.network.edge, angle_unit(solved)
-    columns: dict[str, FloatArray] = {}
-    for k in range(3):
-        columns[f"axis{k + 1}"] = space.axes[:, k]
-        columns[f"azimuth{k + 1}"] = bearings_of(edge, unit, space.azimuths[:, k])
-        columns[f"elevation{k + 1}"] = space.elevations[:, k] / ANGLE_UNITS[unit]
-    return columns
-
-
 def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -> dict[str, FloatArray]:
     """Columns ``ellipse_…`` of a table of ``count`` points with covariances (n, 3, 3) in project axes."""
     if covariance is None:
@@ -180,7 +173,6 @@ def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
-STATUSES = ("fixed", "partly fixed", "free", "left out", "at infinity")
 
 
 @once
@@ -201,7 +193,8 @@ def point_table(solved: Solved) -> pl.DataFrame:
     if kind in network.absent:
         status = np.where(network.absent[kind][numbers], 3, status)
         status = np.where(np.isin(numbers, list(network.directions)), 4, status)
-    columns["status"] = pl.Series(STATUSES).gather(status)
+    statuses = ("fixed", "partly fixed", "free", "left out", "at infinity")
+    columns["status"] = pl.Series(statuses).gather(status)
     return _frame(columns)
 
 
@@ -245,12 +238,25 @@ def reference_table(solved: Solved) -> pl.DataFrame:
 def image_table(solved: Solved) -> pl.DataFrame:
     """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
     things = solved.network.things["image"]
+    images = solved.network.things["image"]
+    count = np.zeros(len(images.ids), dtype=np.int64)
+    square = np.zeros(len(images.ids))
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        if not is_image_point(group.type):
+            continue
+        which = places_of(group.references[0], images.ids)
+        count += np.bincount(which, minlength=len(count))
+        if solved.quality is not None and group.external is not None:
+            squares = _squares(solved.quality.groups[number].v, group.external.factors)
+            square += np.bincount(which, weights=squares, minlength=len(count))
+    rms = np.sqrt(square / np.maximum(2 * count, 1)) if solved.quality is not None else np.full(len(count), np.nan)
     return _frame(
         {
             "id": list(things.ids),
             "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
             **_image_poses(solved),
-            **_image_residuals(solved),
+            "points": count,
+            "rms": np.where(count > 0, rms, np.nan),
             **control_of_images(solved),
             **motion_columns(solved),
         }
@@ -460,22 +466,6 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
     return rays, others
 
 
-def _image_residuals(solved: Solved) -> dict[str, Any]:
-    images = solved.network.things["image"]
-    count = np.zeros(len(images.ids), dtype=np.int64)
-    square = np.zeros(len(images.ids))
-    for number, group in enumerate(solved.adjustment.problem.groups):
-        if not is_image_point(group.type):
-            continue
-        which = places_of(group.references[0], images.ids)
-        count += np.bincount(which, minlength=len(count))
-        if solved.quality is not None and group.external is not None:
-            squares = _squares(solved.quality.groups[number].v, group.external.factors)
-            square += np.bincount(which, weights=squares, minlength=len(count))
-    rms = np.sqrt(square / np.maximum(2 * count, 1)) if solved.quality is not None else np.full(len(count), np.nan)
-    return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
-
-
 def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:
     """(n,) Σ v² of rows, in the units they were given in."""
     return in_pieces((len(v),), lambda rows: np.asarray(np.nansum((v[rows] / factors) ** 2, axis=1)))
@@ -495,11 +485,6 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
 
 # ---- Table of undetermined unknowns, with reason and treatment.
 
-SCHEMA = {
-    **dict.fromkeys(("kind", "id", "reason", "treatment"), pl.String),
-    "observations": pl.Int64,
-    **dict.fromkeys(("dx", "dy", "dz", "sigma"), pl.Float64),
-}
 FILE = "undetermined.csv"
 
 
@@ -527,7 +512,12 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
 def undeterminable_table(things: Sequence[dict[str, Any] | UndeterminedObject]) -> pl.DataFrame:
     """The rows as a table."""
     rows = [_row(thing) | _NOTHING if isinstance(thing, UndeterminedObject) else thing for thing in things]
-    return pl.DataFrame(rows, schema=SCHEMA)
+    schema = {
+        **dict.fromkeys(("kind", "id", "reason", "treatment"), pl.String),
+        "observations": pl.Int64,
+        **dict.fromkeys(("dx", "dy", "dz", "sigma"), pl.Float64),
+    }
+    return pl.DataFrame(rows, schema=schema)
 
 
 _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
@@ -538,16 +528,6 @@ def _row(thing: UndeterminedObject) -> dict[str, Any]:
 
 
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
-
-FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
-    **dict.fromkeys(("id", "type", "part"), pl.String),
-    **dict.fromkeys(("dx", "dy", "dz", "sd", "distance", "x", "y", "z", "sx", "sy", "sz"), pl.Float64),
-    **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
-    "points": pl.Int64,
-    "rms": pl.Float64,
-    "form": pl.Float64,
-}
-_X, _Z = np.eye(3)[[0, 2]]
 
 
 def feature_table(solved: Solved) -> pl.DataFrame:
@@ -560,7 +540,15 @@ def feature_table(solved: Solved) -> pl.DataFrame:
     the points and ``form`` the largest residual minus the smallest. Sizes are null if a feature has none.
     """
     rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
-    return pl.DataFrame(rows, schema=FEATURE_SCHEMA)
+    feature_schema = {
+        **dict.fromkeys(("id", "type", "part"), pl.String),
+        **dict.fromkeys(("dx", "dy", "dz", "sd", "distance", "x", "y", "z", "sx", "sy", "sz"), pl.Float64),
+        **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
+        "points": pl.Int64,
+        "rms": pl.Float64,
+        "form": pl.Float64,
+    }
+    return pl.DataFrame(rows, schema=feature_schema)
 
 
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
@@ -652,9 +640,10 @@ def _feature_sigma(
 
 def _parts(feature: Feature, count: int) -> list[tuple[str, FloatArray, np.ndarray]]:
     first = np.arange(count) < len(feature.points)
+    x, z = np.eye(3)[[0, 2]]
     if feature.type == "right angle":
-        return [("points", _Z, first), ("other", _X, ~first)]
-    return [("", _Z, first)]
+        return [("points", z, first), ("other", x, ~first)]
+    return [("", z, first)]
 
 
 # ---- Trajectories in the result: every knot with its pose and σ, misalignments of inertial systems.

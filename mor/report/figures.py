@@ -38,7 +38,6 @@ from mor.units import LENGTH_UNITS
 CONFIDENCE = 0.95
 BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
 """Half the width of a band of confidence, in units of σ."""
-_AROUND = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
 
 
 def camera_figures(data: PageData) -> list[dict[str, Figure]]:
@@ -120,8 +119,9 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words) -> Figu
     scale = round_length(1.2 * spacing / size) if size > 0.0 else 1.0
     tips = ideal + scale * outcome.shift
     largest = float(np.sqrt(np.trace(outcome.covariance, axis1=1, axis2=2).max(initial=0.0)))
-    enlarged = round_length(0.5 * spacing / (_AROUND * largest)) if largest > 0.0 else scale
-    around = ellipse_lines(tips, outcome.covariance, enlarged * _AROUND, 21)
+    semi_axis = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
+    enlarged = round_length(0.5 * spacing / (semi_axis * largest)) if largest > 0.0 else scale
+    around = ellipse_lines(tips, outcome.covariance, enlarged * semi_axis, 21)
     around = np.concatenate([around, np.full((len(tips), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     unit = str(camera["unit"])
     traces = _vectors(ideal, tips, words("distortion × {scale}", scale=f"{scale:g}"), BLUE)
@@ -311,8 +311,6 @@ def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
 
 # ---- Charts of the tests: w against the normal distribution, redundancy, rays, angles.
 
-_MOST_FRAMES = 400
-
 
 def normal_histogram(w: FloatArray, critical: float, words: Words) -> Figure:
     """Density of the test values with the standard normal density and the critical values.
@@ -390,13 +388,14 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
         parts.append(
             (words("sets and groups"), data.sets.select(pl.col("set").alias("id"), "mean_r"), ORANGE, "diamond")
         )
+    most_frames = 400
     traces = [
         {
             "type": "scatter",
             "mode": "markers",
             "name": name,
-            "x": [str(label) for label in frame["id"]][:_MOST_FRAMES],
-            "y": numbers(frame["mean_r"].cast(pl.Float64).fill_null(np.nan).to_numpy())[:_MOST_FRAMES],
+            "x": [str(label) for label in frame["id"]][:most_frames],
+            "y": numbers(frame["mean_r"].cast(pl.Float64).fill_null(np.nan).to_numpy())[:most_frames],
             "marker": {"color": colour, "symbol": symbol, "size": 8},
             "hovertemplate": f"%{{x}}: {words('mean r')} %{{y:.3f}}<extra></extra>",
         }

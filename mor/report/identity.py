@@ -114,7 +114,6 @@ MEANINGS = {
 }
 """What each file is, by its name or a pattern of names, in the order they are listed."""
 _FIRST = "Contents of this folder"
-_WIDTH = 100
 
 
 def readme(names: Collection[str], words: Words) -> str:
@@ -122,9 +121,10 @@ def readme(names: Collection[str], words: Words) -> str:
     title = words(_FIRST)
     lines = [title, "=" * len(title), "", words("Results of an adjustment by mor."), ""]
     width = max(map(len, names), default=0) + 2
+    columns = 100
     for pattern, meaning in MEANINGS.items():
         for name in sorted(name for name in names if fnmatch(name, pattern)):
-            told = textwrap.wrap(words(meaning), _WIDTH - width)
+            told = textwrap.wrap(words(meaning), columns - width)
             lines += [name.ljust(width) + told[0], *(" " * width + line for line in told[1:])]
     lines += [
         "",
@@ -134,7 +134,7 @@ def readme(names: Collection[str], words: Words) -> str:
                 "for byte. If input or options have "
                 "changed, mor adjust asks for --force before it replaces them. Other files in this folder stay."
             ),
-            _WIDTH,
+            columns,
         ),
     ]
     return "\n".join(lines) + "\n"

@@ -27,13 +27,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 # ``{:n}``: names of columns, keys and formats. A single word only changes where it marks its place with
 # ``{:w}``.
 
-_VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
-"""A name in quotes, whatever is in it, or as little as can be."""
-WORD = "w"
-"""Marks a place whose single word is looked up, too: {:w}."""
-NAMES = "n"
-"""Marks a place whose value stays as it is: {:n}."""
-
 
 class _TemplatePart(NamedTuple):
     """Fixed words, and the place for a value behind them (``None``: none)."""
@@ -98,7 +91,9 @@ class Sentence:
 def _shape(words: str) -> str:
     """Pattern of a placeholder: a number before one of two nouns, a quoted name, or any text."""
     one, bar, many = words.partition("|")
-    return rf"\S+ (?:{re.escape(one)}|{re.escape(many)})" if bar else _VALUE
+    # A name in quotes, whatever is in it, or as little as can be.
+    value = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
+    return rf"\S+ (?:{re.escape(one)}|{re.escape(many)})" if bar else value
 
 
 class Sentences:
@@ -138,16 +133,19 @@ class Sentences:
 
     def _filled(self, sentence: Sentence, values: Mapping[str, str], depth: int) -> str:
         written = []
+        # Marks a place whose single word is looked up, too: {:w}.
+        word = "w"
         for part in parts(sentence.other):
             written.append(part.fixed)
             if part.place is None:
                 continue
             value = values[part.place]
-            if part.words == NAMES:
+            # Marks a place whose value stays as it is: {:n}.
+            if part.words == "n":
                 written.append(value)
             elif "|" in part.words:
                 written.append(format(Placeholder(value.split(" ", 1)[0]), part.words))
-            elif part.words == WORD or " " in value:
+            elif part.words == word or " " in value:
                 written.append(self._said(value, depth))
             else:
                 written.append(value)
@@ -202,19 +200,6 @@ class Words:
 ENGLISH = Words("en")
 
 
-_CATALOGUES = {
-    "report": (),
-    "orientation": ("orientation",),
-    "start values": ("orientation", "start_values"),
-    "planning": ("planning",),
-    "page": ("page",),
-    "messages": ("orientation", "start_values", "planning", "page", "messages", "formats", "help"),
-}
-"""Catalogues of each kind of text besides those of the report; a short term may mean something else in another."""
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # ten times as fast where PyYAML has its C part
-_DECIMALS = {"de": ","}
-
-
 def words_of(language: str, of: str = "report") -> Words:
     """Words of a kind of text (report, page, planning, …) in a language, ``en`` or ``de``; ``KeyError`` for others.
 
@@ -222,7 +207,7 @@ def words_of(language: str, of: str = "report") -> Words:
     """
     if language == "en":
         return ENGLISH
-    decimal = _DECIMALS[language]
+    decimal = {"de": ","}[language]
     return Words(language, _catalogue(language, of), "." if of == "page" else decimal)
 
 
@@ -235,23 +220,30 @@ def sentences_of(language: str) -> Sentences:
 @cache
 def _catalogue(language: str, of: str) -> dict[str, str]:
     catalogue: dict[str, str] = {}
-    for name in ("", "_sentences", *(f"_{name}" for name in _CATALOGUES[of])):
+    # Catalogues of each kind of text besides those of the report; a short term may mean something else in another.
+    catalogues = {
+        "report": (),
+        "orientation": ("orientation",),
+        "start values": ("orientation", "start_values"),
+        "planning": ("planning",),
+        "page": ("page",),
+        "messages": ("orientation", "start_values", "planning", "page", "messages", "formats", "help"),
+    }
+    for name in ("", "_sentences", *(f"_{name}" for name in catalogues[of])):
         text = files("mor.report").joinpath("words", f"{language}{name}.yaml").read_text(encoding="utf-8")
-        catalogue |= yaml.load(text, Loader=_LOADER)
+        catalogue |= yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
     return catalogue
 
 
 # ---- The name of a datum in the language of a report.
-
-_CARRIED = re.compile(r"(.+?) of (\d+) (?:named point or group|named points or groups)(?: and |$)")
-_HELD = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
 
 
 def datum_name(name: str, words: Words) -> str:
     """A datum as a network calls it (``fixed``, ``free, inner constraints over …``, ``minimal, …``), in other words."""
     kind, _, rest = name.partition(", ")
     carried = rest.removeprefix("inner constraints over ")
-    if kind == "free" and (found := _CARRIED.findall(carried)):
+    carried_by = re.compile(r"(.+?) of (\d+) (?:named point or group|named points or groups)(?: and |$)")
+    if kind == "free" and (found := carried_by.findall(carried)):
         said = [
             words(
                 "{components} of {count:named point or group|named points or groups}",
@@ -261,8 +253,9 @@ def datum_name(name: str, words: Words) -> str:
             for components, count in found
         ]
         return words("free, inner constraints over {parts}", parts=f" {words('and')} ".join(said))
+    held_axes = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
     if kind == "minimal":
-        pieces = _HELD.split(rest)[1:]
+        pieces = held_axes.split(rest)[1:]
         said = [
             words("{components} of {names}", components=components, names=names)
             for components, names in zip(pieces[::2], pieces[1::2], strict=True)
@@ -272,8 +265,6 @@ def datum_name(name: str, words: Words) -> str:
 
 
 # ---- The terms of reports: found by any of their names, or nearest to what was asked.
-
-_UNIT_OF_TERM = re.compile(r" \[[^\]]*\]$")
 
 
 class Term(NamedTuple):
@@ -302,7 +293,7 @@ def find(wanted: str, language: str = "en") -> list[Term]:
     Raises :class:`InputError` for an unknown one, with the nearest known name.
     """
     everything = terms(language)
-    wanted = _UNIT_OF_TERM.sub("", wanted)
+    wanted = re.sub(r" \[[^\]]*\]$", "", wanted)
     for key in (str, str.lower):
         found = [t for t in everything if key(wanted) in {key(n) for n in (*t.names, t.german)}]
         if found:

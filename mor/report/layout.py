@@ -19,8 +19,6 @@ from mor.types import FloatArray
 WIDTH = 100
 _GAPS = ("  ", " ")
 """What stands between columns: the second where the first is too wide."""
-_OF_UNIT = "\u2007["
-"""A unit that stays with its quantity; figure spaces stand in no report."""
 
 
 def drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int], margin: int = 0) -> str:
@@ -35,8 +33,10 @@ def drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collectio
     widths = [max(width, len(header) + 2) for width, header in zip(widest, cells[0], strict=True)]
     gap = _GAPS[0]
     page = WIDTH - margin
+    # A unit that stays with its quantity; figure spaces stand in no report.
+    of_unit = "\u2007["
     if _total(widths) > page:
-        cells[0] = [header.replace(" [", _OF_UNIT) for header in cells[0]]
+        cells[0] = [header.replace(" [", of_unit) for header in cells[0]]
         heads = [max(map(len, header.split(" "))) for header in cells[0]]
         widths = [max(pair) for pair in zip(widest, heads, strict=True)]
         gap = next((gap for gap in _GAPS if _total(widths, gap) <= page), gap)
@@ -49,7 +49,7 @@ def drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collectio
             gap,
         )
         for block in _blocks(widths, gap, page)
-    ).replace(_OF_UNIT, " [")
+    ).replace(of_unit, " [")
     return textwrap.indent(text, " " * margin)
 
 
@@ -101,12 +101,6 @@ def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collecti
     return "\n".join(lines)
 
 
-_TIED = "\u2007=\u2007"
-"""An equals sign that stays with what is on both of its sides."""
-_LEAD = re.compile(r"\S.{0,38}?\s{2,}(?=\S)")
-_MARK = re.compile(r"\s*(\d+\. )?")
-
-
 def paragraphs(text: str) -> str:
     """Lines that are too long broken at blanks; the further ones stand below where their text began."""
     return "\n".join(_paragraph(line) for line in text.split("\n"))
@@ -115,18 +109,20 @@ def paragraphs(text: str) -> str:
 def _paragraph(line: str) -> str:
     if len(line) <= WIDTH:
         return line
-    lead = _LEAD.match(line)
-    mark = _MARK.match(line)
+    lead = re.match(r"\S.{0,38}?\s{2,}(?=\S)", line)
+    mark = re.match(r"\s*(\d+\. )?", line)
     indent = lead.end() if lead else (mark.end() if mark else 0) + 2
+    # An equals sign that stays with what is on both of its sides.
+    tied = "\u2007=\u2007"
     return textwrap.fill(
-        line.replace(" = ", _TIED),
+        line.replace(" = ", tied),
         WIDTH,
         subsequent_indent=" " * indent,
         break_long_words=False,
         break_on_hyphens=False,
         replace_whitespace=False,
         drop_whitespace=True,
-    ).replace(_TIED, " = ")
+    ).replace(tied, " = ")
 
 
 # ---- Headings and tables of the text report.
@@ -153,8 +149,6 @@ def aligned(facts: Sequence[tuple[str, str]]) -> list[str]:
 
 ALL = 1_000_000_000
 """Rows of a section of which nothing is left out."""
-LISTED = ("status", "flag", "action", "kind")
-"""Columns that hold words of the program, not names of the user."""
 
 
 def table(
@@ -167,9 +161,11 @@ def table(
 ) -> str:
     """A table of texts: the first ``left`` columns, and the last where wanted, to the left, numbers to the right."""
     texts = {*range(left), *([len(headers) - 1] if last_left else [])}
+    # Columns that hold words of the program, not names of the user.
+    listed = ("status", "flag", "action", "kind")
     rows = [
         [
-            words.listed(cell) if header in LISTED else cell if k in texts else words.number(cell)
+            words.listed(cell) if header in listed else cell if k in texts else words.number(cell)
             for k, (header, cell) in enumerate(zip(headers, row, strict=True))
         ]
         for row in rows
@@ -355,7 +351,6 @@ def _note(row: dict[str, Any], words: Words) -> str:
 # ---- Charts as plain data: a chart is its traces and a layout whose axes carry names and units.
 
 Figure = dict[str, Any]
-FIGURE_DIGITS = 6
 
 
 def figure(traces: list[dict[str, Any]], x: str, y: str, **layout: Any) -> Figure:
@@ -368,7 +363,7 @@ def figure(traces: list[dict[str, Any]], x: str, y: str, **layout: Any) -> Figur
 
 def numbers(values: FloatArray) -> list[float | None]:
     """Numbers with six significant digits, ``None`` if there is none."""
-    return [float(f"{value:.{FIGURE_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
 def joined(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -443,8 +438,6 @@ def with_distances(names: Sequence[str], distances: FloatArray, unit: str) -> li
 
 # ---- Place labels in a figure without overlap.
 
-_LABELS_MARK = 3.0
-"""Half the width of a mark."""
 NO_MARKS = np.zeros((0, 2))
 
 
@@ -457,10 +450,12 @@ def placed(
     and height of the names, ``edge`` the least and the largest x and y of the picture (x, y, x, y).
     """
     every = np.concatenate([marks, others])
-    taken = np.concatenate([every - _LABELS_MARK, every + _LABELS_MARK], axis=1)
+    # Half the width of a mark.
+    labels_mark = 3.0
+    taken = np.concatenate([every - labels_mark, every + labels_mark], axis=1)
     found = []
     for k, (mark, (width, height)) in enumerate(zip(marks, size, strict=True)):
-        side, above = 0.5 * width + 1.4 * _LABELS_MARK, 0.5 * height + 1.2 * _LABELS_MARK
+        side, above = 0.5 * width + 1.4 * labels_mark, 0.5 * height + 1.2 * labels_mark
         for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1), (0, 1), (0, -1)):
             offset = np.array([x * side, y * (above if x == 0 else 0.5 * height)])
             half = 0.5 * np.array([width, height])

@@ -23,10 +23,6 @@ _LEAST, _MOST = 260, 560
 MARGIN, LEGEND = 60, 30
 _AROUND = float(np.sqrt(chdtri(2, 0.05)))
 """Semi-axes of an ellipse of 95 % in units of those of 1σ."""
-_TIP = (
-    '<defs><marker id="tip" viewBox="0 0 8 8" refX="6" refY="4" markerWidth="4.5" markerHeight="4.5" orient="auto">'
-    '<path class="tip" d="M0 0 8 4 0 8z"/></marker></defs>'
-)
 
 
 class PointMovements(NamedTuple):
@@ -94,7 +90,11 @@ def movement_drawing(found: PointMovements, words: Words) -> Markup:
     others = np.concatenate([np.delete(xy, order[:400], axis=0), (xy + scale * vectors)[found.moved]])
     parts += labels(found.names, xy, order, height, 6.6, others, found.moved)
     parts += [_bar(scale, found.unit, height, words), *_axes(axes, signs, factor, found.unit, height)]
-    return drawing([_TIP, *parts], DRAWING_WIDTH, height, words("Movements between the epochs"))
+    tip = (
+        '<defs><marker id="tip" viewBox="0 0 8 8" refX="6" refY="4" markerWidth="4.5" markerHeight="4.5" orient="auto">'
+        '<path class="tip" d="M0 0 8 4 0 8z"/></marker></defs>'
+    )
+    return drawing([tip, *parts], DRAWING_WIDTH, height, words("Movements between the epochs"))
 
 
 def drawing(
@@ -190,12 +190,6 @@ def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, he
 
 # ---- Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
 
-WIDTH, HEIGHT = 300, 170
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 12, 24, 22
-_AXES = ("x", "y", "z")
-_MARKS = ("M-2.5 0 0-2.5 2.5 0 0 2.5z", "M-2-2H2V2H-2z", "M0-3 2.8 2H-2.8z")
-"""Marks of the coordinates, told apart without colours: diamond, square, triangle."""
-
 
 def series_drawing(
     name: str, years: FloatArray, moved: FloatArray, sigma: FloatArray, unit: str, labels: Sequence[str]
@@ -204,21 +198,26 @@ def series_drawing(
     reach = np.nan_to_num(np.abs(moved) + 2.0 * sigma)
     most = float(reach.max(initial=0.0)) or 1.0
     first, last = float(years.min()), float(years.max())
-    x = _LEFT + (years - first) / max(last - first, 1e-9) * (WIDTH - _LEFT - _RIGHT)
-    middle = (_TOP + HEIGHT - _BOTTOM) / 2.0
-    per = (HEIGHT - _BOTTOM - _TOP) / 2.0 / most
+    left, right, top, bottom = 44, 12, 24, 22
+    width, height = 300, 170
+    x = left + (years - first) / max(last - first, 1e-9) * (width - left - right)
+    middle = (top + height - bottom) / 2.0
+    per = (height - bottom - top) / 2.0 / most
     parts = [
-        f'<line class="zero" x1="{_LEFT}" y1="{middle:.1f}" x2="{WIDTH - _RIGHT}" y2="{middle:.1f}"/>',
-        f'<text class="title" x="{_LEFT}" y="14">{escape(name)}</text>',
+        f'<line class="zero" x1="{left}" y1="{middle:.1f}" x2="{width - right}" y2="{middle:.1f}"/>',
+        f'<text class="title" x="{left}" y="14">{escape(name)}</text>',
         *(
-            f'<text x="{_LEFT - 5}" y="{middle - sign * most * per + 4:.1f}" text-anchor="end">'
+            f'<text x="{left - 5}" y="{middle - sign * most * per + 4:.1f}" text-anchor="end">'
             f"{'−' if sign < 0 else ''}{most if sign else 0:.2g}</text>"
             for sign in (1, 0, -1)
         ),
-        f'<text x="{_LEFT}" y="{HEIGHT - 6}">{first:.1f}</text>',
-        f'<text x="{WIDTH - _RIGHT}" y="{HEIGHT - 6}" text-anchor="end">{last:.1f}</text>',
+        f'<text x="{left}" y="{height - 6}">{first:.1f}</text>',
+        f'<text x="{width - right}" y="{height - 6}" text-anchor="end">{last:.1f}</text>',
     ]
-    for k, axis in enumerate(_AXES):
+    coordinates = ("x", "y", "z")
+    # Marks of the coordinates, told apart without colours: diamond, square, triangle.
+    marks = ("M-2.5 0 0-2.5 2.5 0 0 2.5z", "M-2-2H2V2H-2z", "M0-3 2.8 2H-2.8z")
+    for k, axis in enumerate(coordinates):
         if not (sigma[:, k] > 0.0).any():
             continue
         y = middle - moved[:, k] * per
@@ -226,12 +225,12 @@ def series_drawing(
         parts.append(f'<polyline class="{axis}" points="{points}"/>')
         parts += [
             f'<line class="{axis}" x1="{a + k - 1:.1f}" x2="{a + k - 1:.1f}" y1="{b - s:.1f}" y2="{b + s:.1f}"/>'
-            f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{_MARKS[k]}"/>'
+            f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{marks[k]}"/>'
             for a, b, s in zip(x, y, 2.0 * sigma[:, k] * per, strict=True)
         ]
-    shown = WIDTH - _RIGHT
-    for k, axis in reversed(list(enumerate(_AXES))):
+    shown = width - right
+    for k, axis in reversed(list(enumerate(coordinates))):
         parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
-        parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{_MARKS[k]}"/>')
+        parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{marks[k]}"/>')
         shown -= 28
-    return drawing(parts, WIDTH, HEIGHT, f"{name} [{unit}]", "series")
+    return drawing(parts, width, height, f"{name} [{unit}]", "series")

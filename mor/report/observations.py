@@ -528,9 +528,6 @@ def _robust(solved: Solved) -> dict[str, Any] | None:
 
 # ---- Observations left out because all together have no solution, as plain data.
 
-MOST = 10_000
-"""Suspects that results.json lists; the table of residuals has all."""
-
 
 def suspects(solved: Solved) -> dict[str, Any] | None:
     """Return the outcome of the adjustment of all observations, and the suspects, worst first."""
@@ -545,13 +542,15 @@ def suspects(solved: Solved) -> dict[str, Any] | None:
     ]
     entries.sort(key=lambda entry: (-entry[0], *entry[1:]))
     last = plain.iterations[-1].sigma0 if plain.iterations else None
+    # Suspects that results.json lists; the table of residuals has all.
     return {
         "outcome": plain.outcome.value,
         "iterations": len(plain.iterations),
         "sigma0_ratio": last,
         "count": len(entries),
         "observations": [
-            {**place(groups[number], row, component), "misfit": size} for size, number, row, component in entries[:MOST]
+            {**place(groups[number], row, component), "misfit": size}
+            for size, number, row, component in entries[:10_000]
         ],
     }
 

@@ -293,9 +293,6 @@ def _derived(
 
 # ---- Relative orientation of a chain of images as plain data.
 
-BASE = ("bx", "by", "bz")
-IK = tuple(f"{i}{k}" for i in (1, 2, 3) for k in (1, 2, 3))
-
 
 class Oriented(NamedTuple):
     """Pairs of neighbouring images, and the model of all of them."""
@@ -379,7 +376,7 @@ def _pair(
         "rotation": numbers(o.rotation),
         "angles": {"unit": unit, **with_sigma(ANGLES, o.angles / per_unit, o.sigma_angles / per_unit)},
         "correlation": {
-            "of": [*BASE, *ANGLES],
+            "of": ["bx", "by", "bz", *ANGLES],
             "matrix": numbers(correlation(np.asarray(rows @ o.covariance @ rows.T))),
         },
         "sigma0": number_or_none(o.sigma0),
@@ -399,10 +396,11 @@ def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
     parts = (auxiliary.linear, auxiliary.corrections, auxiliary.compatible, auxiliary.adjusted, auxiliary.sigma)
     names = ("linear", "correction", "compatible", "adjusted", "sigma")
     columns = [part.ravel() for part in parts]
+    indices = tuple(f"{i}{k}" for i in (1, 2, 3) for k in (1, 2, 3))
     return {
         "ik": [
             {"ik": ik, **{name: number_or_none(value) for name, value in zip(names, row, strict=True)}}
-            for ik, row in zip(IK, zip(*columns, strict=True), strict=True)
+            for ik, row in zip(indices, zip(*columns, strict=True), strict=True)
         ],
         "conditions": [
             {"condition": name, "linear": number_or_none(before), "adjusted": number_or_none(after)}
@@ -637,11 +635,6 @@ def _valued(row: dict[str, Any], keys: tuple[str, ...], digits: int) -> list[str
 
 # ---- A plane object for reading, every admissible solution.
 
-OVER_CONSTANT = "flying height / c"
-"""Correlated as the flying height itself."""
-MOST = 14
-"""Results whose correlations are shown; of more they are in the JSON."""
-
 
 def planar_text(data: dict[str, Any], words: Words) -> str:
     """The outcome, and each solution with σ."""
@@ -688,18 +681,21 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
         for k, i in enumerate(solution["images"], start=1)
     ]
     length = words.listed("length")
+    # Correlated as the flying height itself.
+    over_constant = "flying height / c"
     results = [
         [words.listed(r["kind"]), r["of"], said, fixed(r["value"], 5), fixed(r["sigma"], 5)]
         for r in solution["results"]
-        for said in [words.listed({"angle": unit, OVER_CONSTANT: "length / c"}.get(r["kind"], "length"))]
+        for said in [words.listed({"angle": unit, over_constant: "length / c"}.get(r["kind"], "length"))]
     ]
     lines = [table(["point", *_headed(("X", "Y", "Z"), length), "remark"], points, words=words), ""]
     headers = ["image", *_headed(("X0", "Y0", "Z0"), length), *_headed(("omega", "phi", "kappa"), unit)]
     lines += [table(headers, images, words=words), ""]
     lines.append(table(["result", "of", "unit", "value", "sigma"], results, left=3, words=words))
-    shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != OVER_CONSTANT]
+    shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != over_constant]
     matrix = [[solution["correlation"][i][j] for j in shown] for i in shown]
-    if len(shown) <= MOST and any(value is not None for row in matrix for value in row):
+    # Results whose correlations are shown; of more they are in the JSON.
+    if len(shown) <= 14 and any(value is not None for row in matrix for value in row):
         names = [f"{words.listed(solution['results'][k]['kind'])} {solution['results'][k]['of']}" for k in shown]
         lines += ["", correlation_table(names, matrix, words)]
     return lines

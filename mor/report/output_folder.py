@@ -52,8 +52,6 @@ try:
 except ImportError:  # not on Windows: there two runs at once are not told of each other
     fcntl = None  # type: ignore[assignment]
 
-_SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-
 
 class Reservation(NamedTuple):
     """A folder that nobody else writes results into."""
@@ -122,7 +120,7 @@ class _Interruptions:
         """Only note from now on what comes. Python gives signals to the main thread, and lets no other ask for them."""
         if threading.current_thread() is not threading.main_thread():
             return
-        for number in _SIGNALS:
+        for number in [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]:
             before = signal.getsignal(number)
             if before is not None and before != signal.SIG_IGN:  # what other code heeds, or nobody, stays so
                 self._before[number] = before

@@ -13,7 +13,7 @@ from contextlib import suppress
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -77,38 +77,20 @@ from mor.report.view import View
 
 # ---- The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
 
-BROWSERS = (
-    *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
-    *("microsoft-edge", "microsoft-edge-stable", "msedge"),
-)
-"""Programs that print a page as PDF without a window; Firefox does not."""
-_APPLICATIONS = (
-    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
-    "/Applications/Chromium.app/Contents/MacOS/Chromium",
-    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
-    r"C:\Program Files\Google\Chrome\Application\chrome.exe",
-    r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
-)
-_PATIENCE_MS = 30_000
-_LONGEST = 600.0
-"""Seconds a browser may take over the largest page."""
-
 
 def running_heads(title: str, identity: dict[str, Any], words: Words) -> Markup:
     """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
     right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
     head = title if len(title) <= 70 else f"{title[:69]}…"
     of = _css_text(words("page"))
+    small = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
     return Markup(
         "@page { "
-        f"@top-left {{ content: {_css_text(head)}; {_SMALL} }} "
-        f"@top-right {{ content: {_css_text(right)}; {_SMALL} }} "
-        f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {_SMALL} }} '
+        f"@top-left {{ content: {_css_text(head)}; {small} }} "
+        f"@top-right {{ content: {_css_text(right)}; {small} }} "
+        f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {small} }} '
         "}"
     )
-
-
-_SMALL = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
 
 
 def _css_text(text: str) -> str:
@@ -122,7 +104,19 @@ def browser() -> str | None:
     given = os.environ.get("MOR_BROWSER")
     if given is not None:
         return shutil.which(given)
-    return next((found for name in (*BROWSERS, *_APPLICATIONS) if (found := shutil.which(name))), None)
+    applications = (
+        "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+        "/Applications/Chromium.app/Contents/MacOS/Chromium",
+        "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
+        r"C:\Program Files\Google\Chrome\Application\chrome.exe",
+        r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
+    )
+    # Programs that print a page as PDF without a window; Firefox does not.
+    browsers = (
+        *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
+        *("microsoft-edge", "microsoft-edge-stable", "msedge"),
+    )
+    return next((found for name in (*browsers, *applications) if (found := shutil.which(name))), None)
 
 
 def print_page(program: str, page: str, target: Path, paper: str) -> None:
@@ -145,16 +139,18 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
     options = [
         *("--headless", "--disable-gpu", "--no-first-run", "--disable-extensions", "--no-pdf-header-footer"),
         "--disable-pdf-tagging",  # tags of every cell of long tables are nine tenths of the file
-        f"--virtual-time-budget={_PATIENCE_MS}",
+        "--virtual-time-budget=30000",
         f"--user-data-dir={profile}",
         f"--print-to-pdf={made}",
     ]
     if sys.platform != "win32" and os.geteuid() == 0:
         options.append("--no-sandbox")  # the sandbox of chromium refuses to work for root
+    # Seconds a browser may take over the largest page.
+    longest = 600.0
     try:
-        done = subprocess.run([program, *options, sheet.as_uri()], capture_output=True, timeout=_LONGEST, check=False)
+        done = subprocess.run([program, *options, sheet.as_uri()], capture_output=True, timeout=longest, check=False)
     except subprocess.TimeoutExpired:
-        return f"it took more than {_LONGEST:g} s"
+        return f"it took more than {longest:g} s"
     return done.stderr.decode(errors="replace")
 
 
@@ -231,17 +227,13 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 
 # ---- The verdict in plain words: statements, each with its numbers, good, doubtful or bad.
 
-GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
-_NARROW = {"gon": 10.0, "deg": 9.0}
-_LOW_R = 0.1
-_NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
-"""Hyphens that are minus signs."""
+State = Literal["good", "doubt", "bad", "plain"]
 
 
 class Statement(NamedTuple):
     """A statement of the verdict, and the numbers it rests on."""
 
-    state: str
+    state: State
     title: str
     words: str = ""
     link: str = ""
@@ -269,7 +261,9 @@ def judgements(data: PageData) -> list[Statement]:
 
 
 def _signed(found: Iterable[Statement]) -> list[Statement]:
-    return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
+    # Hyphens that are minus signs.
+    negative = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
+    return [statement._replace(words=negative.sub("−", statement.words)) for statement in found]
 
 
 def agreement(data: PageData) -> Statement:
@@ -280,7 +274,7 @@ def agreement(data: PageData) -> Statement:
     shared = in_common(view.gross_errors.get("in_common", []), say)
     contradicted = contradictions(view.verdict, say)
     if view.summary["redundancy"] == 0:
-        return Statement(BAD, say("not tested"), say("The redundancy is 0: nothing is tested."))
+        return Statement("bad", say("not tested"), say("The redundancy is 0: nothing is tested."))
     tested = (
         say("The global test accepts the adjustment.")
         if test["accepted"]
@@ -290,10 +284,10 @@ def agreement(data: PageData) -> Statement:
     words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *gone])
     if left_out or contradicted or not test["accepted"]:
         smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
-        return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
+        return Statement("doubt" if smaller else "bad", say("not accepted"), words)
     if view.summary["flagged"]:
-        return Statement(DOUBT, say("accepted, with observations to look at"), words)
-    return Statement(GOOD, say("accepted"), words)
+        return Statement("doubt", say("accepted, with observations to look at"), words)
+    return Statement("good", say("accepted"), words)
 
 
 def determination(data: PageData) -> Statement:
@@ -309,11 +303,11 @@ def determination(data: PageData) -> Statement:
             say("{count:observation is|observations are} uncontrolled: an error there would hardly show.", count=loose)
         )
     if found is None:
-        return Statement(PLAIN, say("not judged"), " ".join(words))
+        return Statement("plain", say("not judged"), " ".join(words))
     if not found["as_a_whole"]:
-        return Statement(BAD, say("not determined"), " ".join(words))
+        return Statement("bad", say("not determined"), " ".join(words))
     if open_ or things:
-        return Statement(DOUBT, say("partly ill-determined"), " ".join(words))
+        return Statement("doubt", say("partly ill-determined"), " ".join(words))
     unit, factor = small_unit(view.length, found["largest_sigma"])
     words.insert(
         0,
@@ -323,7 +317,7 @@ def determination(data: PageData) -> Statement:
             unit=unit,
         ),
     )
-    state = DOUBT if loose else GOOD
+    state: State = "doubt" if loose else "good"
     return Statement(state, say("determined, partly uncontrolled") if loose else say("determined"), " ".join(words))
 
 
@@ -334,20 +328,20 @@ def headline(data: PageData) -> Statement:
     open_ = ill_determined(view.verdict, view.length, say)
     things = [row for row in view.summary.get("undeterminable", []) if row["treatment"]]
     if view.summary["redundancy"] == 0:
-        return Statement(BAD, say("Not controlled"))
+        return Statement("bad", say("Not controlled"))
     if view.suspects is None and test["statistic"] < test["lower"]:
-        return Statement(DOUBT, say("Not accepted"))
+        return Statement("doubt", say("Not accepted"))
     if view.suspects is not None or not test["accepted"] or contradictions(view.verdict, say):
-        return Statement(BAD, say("Not accepted"))
+        return Statement("bad", say("Not accepted"))
     if open_ and not (view.verdict or {})["determined"]["as_a_whole"]:
-        return Statement(BAD, say("Not determined"))
+        return Statement("bad", say("Not determined"))
     if open_:
-        return Statement(DOUBT, say("Accepted, but partly ill-determined"))
+        return Statement("doubt", say("Accepted, but partly ill-determined"))
     if loose:
-        return Statement(DOUBT, say("Accepted, {count:observation|observations} uncontrolled", count=loose))
+        return Statement("doubt", say("Accepted, {count:observation|observations} uncontrolled", count=loose))
     if view.summary["flagged"] or emptied(view.groups.to_dicts(), say) or _mostly_out(data) or things:
-        return Statement(DOUBT, say("Accepted, with observations to look at"))
-    return Statement(GOOD, say("Accepted"))
+        return Statement("doubt", say("Accepted, with observations to look at"))
+    return Statement("good", say("Accepted"))
 
 
 def _rests_on(data: PageData) -> list[Statement]:
@@ -357,21 +351,23 @@ def _rests_on(data: PageData) -> list[Statement]:
         "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
         "differences of coordinates in two datums are not movements."
     )
-    ready = data.view.summary["global_test"]["accepted"] and headline(data).state != BAD
+    ready = data.view.summary["global_test"]["accepted"] and headline(data).state != "bad"
     if not ready:
         first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
         other = f"{first} {other}"
     return [
-        Statement(PLAIN, say("Datum"), say("{datum}. Coordinates and σ refer to it.", datum=data.datum), "key-figures"),
-        Statement(PLAIN if ready else DOUBT, say("Another epoch"), other),
-        Statement(PLAIN, say("Input"), used_in_words(data), "files"),
+        Statement(
+            "plain", say("Datum"), say("{datum}. Coordinates and σ refer to it.", datum=data.datum), "key-figures"
+        ),
+        Statement("plain" if ready else "doubt", say("Another epoch"), other),
+        Statement("plain", say("Input"), used_in_words(data), "files"),
     ]
 
 
 def _causes(data: PageData) -> list[Statement]:
     return [
         Statement(
-            DOUBT,
+            "doubt",
             data.words("Possible cause"),
             data.words(
                 "{cause}. {effect}. Not verified: run mor diagnose; to try it: {line}",
@@ -425,7 +421,7 @@ def _global(data: PageData) -> Statement | None:
         advice = say(
             "Residuals are smaller than the σ given a priori say: the observations are better than was assumed."
         )
-    state = GOOD if test["accepted"] else BAD if larger else DOUBT
+    state: State = "good" if test["accepted"] else "bad" if larger else "doubt"
     return Statement(state, say("Global test"), f"{advice} {numbers}", "key-figures")
 
 
@@ -437,7 +433,7 @@ def _groups(data: PageData) -> Statement | None:
     if not found and tested["tests"]:
         found = [tests_in_words(tested, say), say("None of them rejects.")]
     found += said_conventions(tested, say)
-    state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
+    state: State = "bad" if tested["rejected"] else "good" if tested["tests"] else "plain"
     return Statement(state, say("Tests of groups"), " ".join(found), "groups") if found else None
 
 
@@ -461,7 +457,7 @@ def _worst(data: PageData) -> Statement | None:
         unit=row["unit"],
     )
     many = summary["flagged"] > expected + 3.0 * np.sqrt(max(expected, 1.0))
-    state = GOOD if not summary["flagged"] else BAD if many else DOUBT
+    state: State = "good" if not summary["flagged"] else "bad" if many else "doubt"
     return Statement(state, say("Single observations"), sentence, "residuals")
 
 
@@ -475,15 +471,16 @@ def _controlled(data: PageData) -> Statement | None:
     used, say = data.view.used.filter(pl.col("r").is_not_null()), data.words
     if used.height == 0:
         return None
-    low = used.filter(pl.col("r") < _LOW_R).height
+    low_r = 0.1
+    low = used.filter(pl.col("r") < low_r).height
     free, found = data.view.summary.get("uncontrolled") or 0, data.view.reliability
     said = "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}."
-    words = say(said, mean=f"{float(used['r'].to_numpy().mean()):.2f}", low=low, all=used.height, limit=f"{_LOW_R:g}")
+    words = say(said, mean=f"{float(used['r'].to_numpy().mean()):.2f}", low=low, all=used.height, limit=f"{low_r:g}")
     if found is not None:
         lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
         lines += [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
         words = " ".join([words, *lines])
-    state = DOUBT if low > 0.05 * used.height or free else GOOD
+    state: State = "doubt" if low > 0.05 * used.height or free else "good"
     return Statement(state, say("Reliability"), words, "tests")
 
 
@@ -499,7 +496,7 @@ def _checks(data: PageData) -> Statement | None:
     )
     said = "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test."
     words = say(said, parts=parts, largest=f"{worst['largest']:.3g}", unit=worst["unit"], beyond=beyond)
-    return Statement(DOUBT if beyond else GOOD, say("Checks"), words, "control")
+    return Statement("doubt" if beyond else "good", say("Checks"), words, "control")
 
 
 def _points(data: PageData) -> Statement | None:
@@ -516,7 +513,7 @@ def _points(data: PageData) -> Statement | None:
     if worst["ellipsoid_a"]:
         axis = f"{factor * worst['ellipsoid_a']:.3g}"
         words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
-    return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}", "points")
+    return Statement("plain", say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}", "points")
 
 
 def _geometry(data: PageData) -> Statement | None:
@@ -524,16 +521,17 @@ def _geometry(data: PageData) -> Statement | None:
         return None
     only = data.points.filter(pl.col("others") == 0)
     two = (data.view.reliability or {}).get("points_barely_determined", 0)
-    narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
+    limits = {"gon": 10.0, "deg": 9.0}
+    narrow = only.filter(pl.col("angle") < limits[data.angle_unit]).height
     words = data.words(
         "{two:point has|points have} at most one observation more than they need (two rays, or sights and distances "
         "instead); {narrow} of those that only rays determine under less than {limit} {unit}.",
         two=two,
         narrow=narrow,
-        limit=f"{_NARROW[data.angle_unit]:g}",
+        limit=f"{limits[data.angle_unit]:g}",
         unit=data.angle_unit,
     )
-    return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words, "tests")
+    return Statement("doubt" if two or narrow else "good", data.words("Rays"), words, "tests")
 
 
 def _camera(camera: dict[str, Any], say: Words) -> Statement:
@@ -560,15 +558,11 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
         words += " " + say(said, size=f"{strong:.2f}", one=names[j], other=names[i])
     words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
     doubt = weak or abs(strong) > 0.95
-    return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
+    return Statement("doubt" if doubt else "good", say("Camera {id}", id=camera["id"]), words, "cameras")
 
 
 # ---- The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
 
-SCRIPTS = (
-    *("data.js", "theme.js", "table.js", "sketch.js", "network.js", "labels.js", "overlays.js"),
-    *("images.js", "multiples.js", "overlap.js", "main.js"),
-)
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
 MEANINGS = {
@@ -613,6 +607,10 @@ def page(view: View, words: Words = ENGLISH) -> str:
     for number, charts in enumerate(cameras):
         figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
     covered = overlap_map(overlap(view, data.rays))
+    scripts = (
+        *("data.js", "theme.js", "table.js", "sketch.js", "network.js", "labels.js", "overlays.js"),
+        *("images.js", "multiples.js", "overlap.js", "main.js"),
+    )
     return rendered(
         "page.html.j2",
         view.summary["title"] or words("Adjustment"),
@@ -624,7 +622,7 @@ def page(view: View, words: Words = ENGLISH) -> str:
         overlap=covered is not None,
         payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
-        scripts=[Markup(asset(name)) for name in SCRIPTS],
+        scripts=[Markup(asset(name)) for name in scripts],
     )
 
 
@@ -666,10 +664,11 @@ class _TemplateCache(BytecodeCache):
     """
 
     def load_bytecode(self, bucket: Bucket) -> None:
+        size = sha256().digest_size
         with suppress(OSError, RuntimeError):  # there may be no home folder
             content = self._path(bucket).read_bytes()
-            if sha256(content[_DIGEST:]).digest() == content[:_DIGEST]:
-                bucket.bytecode_from_string(content[_DIGEST:])
+            if sha256(content[size:]).digest() == content[:size]:
+                bucket.bytecode_from_string(content[size:])
 
     def dump_bytecode(self, bucket: Bucket) -> None:
         content = bucket.bytecode_to_string()
@@ -680,9 +679,6 @@ class _TemplateCache(BytecodeCache):
 
     def _path(self, bucket: Bucket) -> Path:
         return cache_root() / "templates" / f"{__version__}-{bucket.key}"
-
-
-_DIGEST = sha256().digest_size
 
 
 def asset(name: str) -> str:
@@ -797,9 +793,6 @@ def _fixed(value: float | None, digits: int) -> str:
 #
 # It shows no places and no cameras: what looks like a result would be taken for one.
 
-SHOWN = 1000
-"""Things that nothing determines that are listed."""
-
 
 def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words) -> str:
     """The page of an outcome that is no solution, in a language: HTML that needs nothing else.
@@ -807,6 +800,8 @@ def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mappi
     ``notes`` are those of :func:`mor.report.identity.note_rows`.
     """
     data = summary(solved)
+    # Things that nothing determines that are listed.
+    shown = 1000
     return rendered(
         "failure.html.j2",
         data["title"] or words("Adjustment"),
@@ -818,7 +813,7 @@ def failure_page(solved: Solved, identity: dict[str, Any], notes: Sequence[Mappi
         persons=persons(identity, words),
         verdict=verdict(solved, words),
         explained=undetermined_section(solved, words).splitlines()[2:],
-        things=data["undeterminable"][:SHOWN],
-        more=max(0, len(data["undeterminable"]) - SHOWN),
+        things=data["undeterminable"][:shown],
+        more=max(0, len(data["undeterminable"]) - shown),
         failure=failure(solved) or {},
     )

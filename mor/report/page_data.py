@@ -42,8 +42,6 @@ from mor.units import ANGLE_UNITS
 
 # ---- Quantities of points, images and sets that the page shows beyond the result tables.
 
-_TOUCHING = pl.col("type").str.contains("^(difference|level)$").not_()
-
 
 def _measures() -> list[pl.Expr]:
     return [
@@ -56,7 +54,8 @@ def _measures() -> list[pl.Expr]:
 
 def points_with_tests(view: View, rays: RayPairs, angle_unit: str) -> pl.DataFrame:
     """The table of points with mean and smallest r, largest |w| and the best intersection angle."""
-    used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "w")
+    touching = pl.col("type").str.contains("^(difference|level)$").not_()
+    used = view.used.filter(touching).select("at", "from", "to", "r", "w")
     named = pl.concat(
         [
             used.filter(pl.col(key) != "").select(pl.col(key).str.strip_prefix("point ").alias("id"), "r", "w")
@@ -126,22 +125,17 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
         pl.col("w").max().alias("largest_w"),
         pl.col("unit").first().alias("unit"),
     )
-    coverage = _coverages(view, measured, areas)
-    return view.images.join(
-        by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
-    ).with_columns(pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64))
-
-
-def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> dict[str, float]:
     camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
-    result: dict[str, float] = {}
+    coverage: dict[str, float] = {}
     for (name,), rows in measured.group_by(["image"], maintain_order=True):
         if camera_of.get(str(name)) not in areas:
             continue  # an image that was left out has no camera any more
         area = areas[camera_of[name]]
         size = (area.x[1] - area.x[0]) * (area.y[1] - area.y[0])
-        result[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
-    return result
+        coverage[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
+    return view.images.join(
+        by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
+    ).with_columns(pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64))
 
 
 def control_table(view: View) -> pl.DataFrame:
@@ -423,9 +417,6 @@ def _shorter(numbers: np.ndarray) -> np.ndarray:
 
 # ---- Error ellipsoids of the table of points: covariances, and where their semi-axes point to.
 
-DIRECTIONS = tuple(f"ellipsoid_{which}_{axis}" for axis in "abc" for which in ("azimuth", "elevation"))
-"""Columns of the directions, a semi-axis after the other."""
-
 
 def covariances(table: pl.DataFrame) -> FloatArray:
     """(n, 3, 3) covariance matrices of a table of points or movements, project axes."""
@@ -455,7 +446,9 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
         for which, values in zip(("azimuth", "elevation"), parts, strict=True):
             shown = np.where(there[:, k], np.round(values, {"rad": 3, "mrad": 0, "mgon": 0}.get(unit, 1)), np.nan)
             columns[f"ellipsoid_{which}_{axis}"] = shown
-    return pl.DataFrame(columns, schema=dict.fromkeys(DIRECTIONS, pl.Float64))
+    # Columns of the directions, a semi-axis after the other.
+    directions = tuple(f"ellipsoid_{which}_{axis}" for axis in "abc" for which in ("azimuth", "elevation"))
+    return pl.DataFrame(columns, schema=dict.fromkeys(directions, pl.Float64))
 
 
 # ---- The data of the page: tables that its charts and tables are drawn from, with what was left to the files.
@@ -464,17 +457,6 @@ MOST_ROWS = 50_000
 """Residuals the page lists; the file beside it has all."""
 MOST_VECTORS = 60_000
 """Rays whose residual vectors the page draws."""
-POINT_COLUMNS = (
-    *("id", "x", "y", "z", "sx", "sy", "sz", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c"),
-    *("ellipse_a", "ellipse_b", "ellipse_azimuth", "rxy", "rxz", "ryz"),
-    *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
-)
-IMAGE_COLUMNS = (
-    *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
-    *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
-)
-STATION_COLUMNS = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
-_EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
 def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | None) -> str:
@@ -482,27 +464,38 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
     view, packer = data.view, Packer()
     worst = worst_first(view)
     vectors, effects = shown_vectors(data.measured), detectable_effects(view)
+    image_columns = (
+        *("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "sx", "sy", "sz", "somega", "sphi", "skappa"),
+        *("points", "rms", "unit", "coverage", "mean_r", "largest_w"),
+    )
+    station_columns = ("id", "x", "y", "z", "orientation", "height", "sx", "sy", "sz", "sorientation")
+    exact = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
     head = {
         "meta": {**meta(data), "effects_scale": scale_of_effects(view, effects)},
         "figures": figures,
         "overlap": overlap,
-        "points": packer.table(_to_sigma(_points(data)), _EXACT),
-        "images": packer.table(_to_sigma(_columns(data.images, IMAGE_COLUMNS)), _EXACT),
-        "stations": packer.table(_columns(view.stations, STATION_COLUMNS), _EXACT),
+        "points": packer.table(_to_sigma(_points(data)), exact),
+        "images": packer.table(_to_sigma(_columns(data.images, image_columns)), exact),
+        "stations": packer.table(_columns(view.stations, station_columns), exact),
         "rays": packer.table(pl.DataFrame({"frame": data.rays.frame, "point": data.rays.point})),
         "sights": packer.table(sights(view)),
         "effects": packer.table(effects),
         "relative": packer.table(relative_ellipses(view)),
-        "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), _EXACT),
+        "knots": packer.table(_columns(view.trajectories, ("trajectory", "stretch", "x", "y", "z")), exact),
         "vectors": packer.table(vectors.drop("unit")),
-        "residuals": packer.table(worst.select(name for name in RESIDUALS if name != "adjusted"), _EXACT),
+        "residuals": packer.table(worst.select(name for name in RESIDUALS if name != "adjusted"), exact),
     }
     return packer.text(head)
 
 
 def _points(data: PageData) -> pl.DataFrame:
     """Columns of points; of very many, plane ellipses are in the file beside the page alone."""
-    points = _columns(with_given(data.view, data.points), POINT_COLUMNS)
+    point_columns = (
+        *("id", "x", "y", "z", "sx", "sy", "sz", "ellipsoid_a", "ellipsoid_b", "ellipsoid_c"),
+        *("ellipse_a", "ellipse_b", "ellipse_azimuth", "rxy", "rxz", "ryz"),
+        *("rays", "others", "angle", "mean_r", "smallest_r", "largest_w", "status", "given"),
+    )
+    points = _columns(with_given(data.view, data.points), point_columns)
     # Points whose ellipses in plan, and directions of ellipsoids, the page lists.
     if points.height > 20_000:
         return points.drop(name for name in points.columns if name.startswith("ellipse_"))

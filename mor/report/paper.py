@@ -19,11 +19,8 @@ from mor.report.plots import ellipses, spell_out, style
 from mor.report.verdict import said_conventions, uncontrolled_in_words
 from mor.report.view import View
 
-MOST_POINTS = 150
-"""Points that are listed; of more, the least precise ones."""
 MOST_ROWS = 40
 """Rows of every other table."""
-_SERIF = {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}
 _WIDTH, _HEIGHT, _DOTS = 7.5, 4.1, 200
 """Size of the figure in inches, and its dots per inch."""
 
@@ -274,7 +271,7 @@ def _load_fonts() -> None:
         return
     with style():
         from matplotlib import get_data_path
-    for suffix, file in _SERIF.items():
+    for suffix, file in {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}.items():
         registerFont(TTFont(f"mor{suffix}", str(Path(get_data_path()) / "fonts" / "ttf" / file)))
 
 
@@ -561,10 +558,12 @@ def _points(to: Writer, data: PageData) -> None:
     if not points.height:
         return
     to.heading(say("Points"))
-    if points.height > MOST_POINTS:
+    # Points that are listed; of more, the least precise ones.
+    most_points = 150
+    if points.height > most_points:
         said = "The {count} least precise of {all} points; the table of points has all of them."
-        to.text(say(said, count=MOST_POINTS, all=points.height))
-        points = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).head(MOST_POINTS)
+        to.text(say(said, count=most_points, all=points.height))
+        points = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).head(most_points)
     sigma = points.select("sx", "sy", "sz").drop_nulls().to_numpy().ravel()
     places = sigma_decimals(sigma[sigma > 0.0]) if (sigma > 0.0).any() else 4
     unit, factor = small_unit(view.length, float(sigma.max(initial=0.0)) or 1.0)

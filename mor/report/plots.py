@@ -53,27 +53,6 @@ if TYPE_CHECKING:
 
 # ---- A sheet to draw on, and how it becomes a file: same picture, same bytes.
 
-FORMATS = ("svg", "png", "pdf")
-_STYLE: dict[str, Any] = {
-    "svg.hashsalt": "mor",
-    "font.family": "DejaVu Sans",
-    "font.size": 9.0,
-    "text.parse_math": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#dddddd",
-    "grid.linewidth": 0.6,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "legend.frameon": False,
-    "savefig.dpi": 150,
-}
-_NO_DATE: dict[str, dict[str, Any]] = {
-    "svg": {"Date": None, "Creator": "mor"},
-    "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
-    "png": {"Software": "mor"},
-}
-
 
 def style() -> AbstractContextManager[None]:
     """The look of pictures, to draw and save them in. Raises :class:`InputError` if matplotlib is missing."""
@@ -82,7 +61,21 @@ def style() -> AbstractContextManager[None]:
     except ImportError:
         words = "pictures need the Python package matplotlib: pip install 'mor-adjustment[plot]'"
         raise InputError([Message(words)]) from None
-    return rc_context(cast("Any", _STYLE))
+    settings = {
+        "svg.hashsalt": "mor",
+        "font.family": "DejaVu Sans",
+        "font.size": 9.0,
+        "text.parse_math": False,
+        "axes.grid": True,
+        "axes.axisbelow": True,
+        "grid.color": "#dddddd",
+        "grid.linewidth": 0.6,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "legend.frameon": False,
+        "savefig.dpi": 150,
+    }
+    return rc_context(cast("Any", settings))
 
 
 def sheet(width: float = 7.5, height: float = 5.0) -> Figure:
@@ -106,8 +99,9 @@ def scale_bar(axes: Axes, length: float, words: str) -> None:
 
 def check_picture(path: Path) -> None:
     """Raise :class:`InputError` for a file whose suffix is that of no picture."""
-    if path.suffix.lower().removeprefix(".") not in FORMATS:
-        words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in FORMATS)})"
+    suffixes = ("svg", "png", "pdf")
+    if path.suffix.lower().removeprefix(".") not in suffixes:
+        words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in suffixes)})"
         raise InputError([Message(words, str(path))])
 
 
@@ -123,7 +117,12 @@ def _draw(figure: Figure, path: Path) -> None:
     with warnings.catch_warnings():
         # Scripts that the font lacks are drawn as boxes, which can be seen in the picture.
         warnings.filterwarnings("ignore", message="Glyph")
-        figure.savefig(path, format=suffix, metadata=_NO_DATE[suffix])
+        no_date = {
+            "svg": {"Date": None, "Creator": "mor"},
+            "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
+            "png": {"Software": "mor"},
+        }
+        figure.savefig(path, format=suffix, metadata=no_date[suffix])
 
 
 def spell_out(figure: Figure) -> None:
@@ -289,22 +288,21 @@ def _extent(name: str) -> tuple[float, float]:
 
 # ---- Overlays of a network plot: sights by kind, scale bars, given points, relative ellipses, external reliability.
 
-_KINDS = {
-    "direction": ("directions", GREY, "-", 0.5),
-    "distance": ("distances", GREEN, "--", 0.7),
-    "levelling": ("levelling lines", ORANGE, ":", 1.0),
-    "vector": ("vectors between points", RED, "-.", 0.7),
-    "scale": ("scale bars", BLUE, "-", 2.5),
-}
-"""Heading, colour, line and width of each kind of sight."""
-
 
 def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     """Lines between points and stations, by kind; kinds of very many lines would be a stain and are left out."""
     found = sights(view)
     stations = view.stations.select("x", "y", "z").to_numpy() if view.stations.height else np.zeros((0, 3))
     xyz = np.concatenate([places(view), stations])[:, chosen]
-    for kind, (name, colour, line, width) in _KINDS.items():
+    # Heading, colour, line and width of each kind of sight.
+    kinds = {
+        "direction": ("directions", GREY, "-", 0.5),
+        "distance": ("distances", GREEN, "--", 0.7),
+        "levelling": ("levelling lines", ORANGE, ":", 1.0),
+        "vector": ("vectors between points", RED, "-.", 0.7),
+        "scale": ("scale bars", BLUE, "-", 2.5),
+    }
+    for kind, (name, colour, line, width) in kinds.items():
         pairs = found.filter(found["kind"] == kind).select("a", "b").to_numpy()
         # Sights of a kind that a picture can show.
         if 0 < len(pairs) <= 5000:
@@ -388,17 +386,15 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
 def _draw_network(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     draw_sights(view, axes, chosen, words)
     draw_paths(view, axes, chosen, words)
-    _frames(view, axes, chosen, words)
+    for frame, name, marker, colour in (
+        (view.images, words("images"), "D", ORANGE),
+        (view.stations, words("stations"), "^", RED),
+    ):
+        if frame.height:
+            xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
+            axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
-
-
-CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
-"""Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
-
-
-_TYPICAL, _TOO_LARGE = 0.012, 8.0
-"""Share of the extent that the median ellipse is drawn with; how many times as large an ellipse may be to be drawn."""
 
 
 def ellipses(
@@ -424,11 +420,14 @@ def ellipses(
     frame = network_frame(view)
     extent = float(np.ptp(places(view) if frame is None else frame, axis=0).max(initial=0.0)) or 1.0
     typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0
+    # Share of the extent that the median ellipse is drawn with; how many times as large an ellipse may be to be drawn.
+    share, too_large = 0.012, 8.0
     if typical > 0.0:
-        scale = round_length(_TYPICAL * extent / typical)
-        factor, name = CONFIDENCE[confidence]
+        scale = round_length(share * extent / typical)
+        # Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2)).
+        factor, name = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}[confidence]
         drawn, xy = scale * factor, places(view)[:, chosen]
-        large = axis > _TOO_LARGE * typical
+        large = axis > too_large * typical
         lines = ellipse_lines(xy, covariance, drawn, 49)[(axis > 0.0) & ~large]
         label = words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}")
         axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=0.8, label=label))
@@ -471,16 +470,6 @@ def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, 
     return axes, chosen
 
 
-def _frames(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
-    for frame, name, marker, colour in (
-        (view.images, words("images"), "D", ORANGE),
-        (view.stations, words("stations"), "^", RED),
-    ):
-        if frame.height:
-            xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
-            axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
-
-
 def _points(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     xyz = places(view)[:, chosen]
     axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label=words("points"), zorder=4)
@@ -518,9 +507,6 @@ def _mark_outside(view: View, axes: Axes, low: FloatArray, high: FloatArray, cho
 
 # ---- The overlap of images, and the rays of each point.
 
-_LOOKS = ((RED, "x", 5), (RED, "P", 5), (ORANGE, "^", 5), (GREEN, "o", 3), (BLUE, "o", 3), (GREY, "o", 3))
-"""Colour, mark and size of each class of rays."""
-
 
 def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
     """Images over each cell, and points by the number of their rays. Raises :class:`InputError` without images."""
@@ -531,7 +517,9 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _map(left, found, words)
     rays, xy = view.points["rays"].to_numpy(), places(view)[:, found.axes]
-    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, _LOOKS, strict=True):
+    # Colour, mark and size of each class of rays.
+    looks = ((RED, "x", 5), (RED, "P", 5), (ORANGE, "^", 5), (GREEN, "o", 3), (BLUE, "o", 3), (GREY, "o", 3))
+    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, looks, strict=True):
         mine = (rays >= low) & (rays <= (np.inf if high is None else high))
         if mine.any():
             name = f"≥ {low}" if high is None else str(low) if low == high else f"{low}–{high}"
@@ -577,9 +565,6 @@ def _map(axes: Axes, found: Overlap, words: Words) -> None:
 
 # ---- Residual vectors: of one image, or of all images one beside the other.
 
-_RESIDUALS_MOST = 60
-"""Images that are drawn beside each other: those with the largest test values."""
-
 
 def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> Figure:
     """Residual vectors, all at one scale. Raises :class:`InputError` for an unknown image, or without images."""
@@ -617,10 +602,12 @@ def _residuals_chosen(measured: pl.DataFrame, image: str | None) -> list[str]:
         if image not in known:
             raise InputError([Message(f"unknown image {image!r}{nearest(image, known)}")])
         return [image]
-    if len(known) <= _RESIDUALS_MOST:
+    # Images that are drawn beside each other: those with the largest test values.
+    most = 60
+    if len(known) <= most:
         return known
     worst = measured.group_by("image", maintain_order=True).agg(pl.col("w").max())
-    kept = set(worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(_RESIDUALS_MOST)["image"])
+    kept = set(worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(most)["image"])
     return [name for name in known if name in kept]
 
 

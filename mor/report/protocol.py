@@ -19,10 +19,6 @@ from mor.report.verification import page_facts, page_table, plain_page
 from mor.report.view import View
 from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
-LEVEL = 0.05
-LINES, LENGTHS = 7, 5
-"""Lines, and lengths in each, that VDI/VDE 2634 part 1 asks for at least."""
-
 
 class SigmaGroup(NamedTuple):
     """Observations that have one standard deviation, and the degrees of freedom that remain of them."""
@@ -137,16 +133,17 @@ def statistical_tests(one: list[Figures], other: list[Figures] | None, protocol:
     """Return the tests of the standards at 95 %: χ² of s, F of two tests, Student's t of the zero offset."""
     unit, count = PROCEDURES[protocol].unit, len(one)
     tests = []
+    level = 0.05
     for letter, found in zip("ab", one, strict=False):
         freedom = found.part.freedom
-        high = found.sigma * float(np.sqrt(chdtri(freedom, LEVEL) / freedom))
+        high = found.sigma * float(np.sqrt(chdtri(freedom, level) / freedom))
         tests.append(StatisticalTest(letter, "standard deviation s", found.part.name, found.s, None, high, unit))
     for letter, found, compared in zip("abcd"[count:], one, other or [], strict=False):
-        bound = float(fdtri(found.part.freedom, found.part.freedom, 1.0 - 0.5 * LEVEL))
+        bound = float(fdtri(found.part.freedom, found.part.freedom, 1.0 - 0.5 * level))
         ratio, name = (found.s / compared.s) ** 2, "s² / s² of the other test"
         tests.append(StatisticalTest(letter, name, found.part.name, ratio, 1.0 / bound, bound, "1"))
     if one[0].offset is not None and one[0].sigma_offset is not None:
-        limit = float(stdtrit(one[0].part.freedom, 1.0 - 0.5 * LEVEL)) * one[0].sigma_offset
+        limit = float(stdtrit(one[0].part.freedom, 1.0 - 0.5 * level)) * one[0].sigma_offset
         tests.append(StatisticalTest("c", "zero offset, absolute", "", abs(one[0].offset), None, limit, unit))
     return tests
 
@@ -159,13 +156,15 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
     """
     checks = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "distance"))
     lines = [(str(name), rows) for (name,), rows in checks.group_by("from", maintain_order=True)]
+    # Lines, and lengths in each, that VDI/VDE 2634 part 1 asks for at least.
+    least_lines, least_lengths = 7, 5
     problems = [
-        Message(f"no full procedure of vdi2634-1: found {found} lengths from {name}, expected at least {LENGTHS}")
+        Message(f"no full procedure of vdi2634-1: found {found} lengths from {name}, expected at least {least_lengths}")
         for name, rows in lines
-        if (found := rows["to"].n_unique()) < LENGTHS
+        if (found := rows["to"].n_unique()) < least_lengths
     ]
-    if len(lines) < LINES:
-        text = f"no full procedure of vdi2634-1: found {len(lines)} lines, expected at least {LINES}"
+    if len(lines) < least_lines:
+        text = f"no full procedure of vdi2634-1: found {len(lines)} lines, expected at least {least_lines}"
         problems.insert(0, Message(text))
     if problems:
         raise InputError(problems)
@@ -184,8 +183,6 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
 
 # ---- The protocol as plain data, and from these a text and a page, each on one sheet.
 
-VDI, VDI_TITLE = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
-
 
 def protocol(
     view: View, standard: str, against: View | None = None, permissible: tuple[float, float] | None = None
@@ -194,18 +191,19 @@ def protocol(
 
     Raises :class:`InputError` if the results are not of the full procedure, or the options do not suit the standard.
     """
-    if standard != VDI and standard not in PROCEDURES:
-        raise InputError([Message(f"unknown protocol {standard}{nearest(standard, [*PROCEDURES, VDI])}")])
-    if (standard == VDI) != (permissible is not None and max(permissible) > 0.0):
+    of_lengths, title_of_lengths = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
+    if standard != of_lengths and standard not in PROCEDURES:
+        raise InputError([Message(f"unknown protocol {standard}{nearest(standard, [*PROCEDURES, of_lengths])}")])
+    if (standard == of_lengths) != (permissible is not None and max(permissible) > 0.0):
         raise InputError([Message("--permissible goes with --protocol vdi2634-1, and is not zero")])
-    if standard == VDI and against is not None:
+    if standard == of_lengths and against is not None:
         raise InputError([Message("--against goes with the protocols of ISO 17123")])
     parts: list[dict[str, Any]] = []
     largest = None  # length measurement error, in mm
     if permissible is not None:
         errors = [abs(float(c["largest"])) for c in view.checks if c["type"] == c["component"] == "distance"]
         largest = max(errors) * LENGTH_UNITS[view.length] * 1e3
-        tests, title = length_tests(view, permissible), VDI_TITLE
+        tests, title = length_tests(view, permissible), title_of_lengths
     else:
         found, title = figures(view, standard), PROCEDURES[standard].title
         tests = statistical_tests(found, None if against is None else figures(against, standard), standard)

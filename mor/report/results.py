@@ -150,18 +150,10 @@ Format = Literal["csv", "parquet"]
 Done = Callable[[int], None]
 """Told how many more rows are written."""
 
-DIGITS = 7
-"""Significant digits of statistics in the long table as text; Parquet has all digits."""
 _TABLES_FILES_ROWS_TOGETHER = 250_000
 """Rows of one row group of a Parquet file."""
 _LEVEL = 1
 """Of compression by zstd. Measured numbers have nothing to compress: others take half as long again for 0.2 % less."""
-_PROBABILITIES = ["p", "p_t", "p_joint"]
-_STATISTICS = [
-    "sigma_adjusted",
-    *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in _PROBABILITIES),
-]
-"""Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double."""
 
 
 def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
@@ -210,7 +202,14 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
 
 def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
     lines = BytesIO()
-    shorter = table.with_columns(pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS))
+    # Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double.
+    probabilities = ["p", "p_t", "p_joint"]
+    statistics = [
+        "sigma_adjusted",
+        *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in probabilities),
+    ]
+    # Significant digits of statistics in the long table as text; Parquet has all digits.
+    shorter = table.with_columns(pl.col(statistics).cast(pl.Float32), pl.col(probabilities).round_sig_figs(7))
     if unsafe:
         return table.height, csv_lines(shorter, header=False)
     shorter.write_csv(lines, include_header=False)
@@ -238,8 +237,6 @@ MOST_LISTED = 2_000_000
 """Observations up to which all residuals are written where nothing else is asked for."""
 MOST_OF_PAGE = 200_000
 """Observations up to which the page is written, and rows of a table up to which it is CSV, unless asked for."""
-FAR = 1e9
-"""Distance, in extents of the network, at which points at infinity are written: no parallax is left there."""
 WORST = 10_000
 """Observations in the table of the worst."""
 
@@ -414,7 +411,8 @@ def _values_as_read(solved: Solved) -> Values:
     present = own["point"][np.isfinite(own["point"]).all(axis=1)]
     extent = max(float(np.ptp(present, axis=0).max(initial=0.0)), 1.0)
     for point, rotation in network.directions.items():
-        own["point"][point] = values["point"][point] + FAR * extent * values["rotation"][rotation][2]
+        # Distance, in extents of the network, at which points at infinity are written: no parallax is left there.
+        own["point"][point] = values["point"][point] + 1e9 * extent * values["rotation"][rotation][2]
     return own
 
 

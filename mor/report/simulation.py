@@ -49,13 +49,6 @@ from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
 # ---- A simulated project as files: simulated values in place of measured ones, the rest as it was given.
 
 _OF_VALUES = ("parameter", "difference")
-_OF_INSTRUMENTS = (
-    ("frame", GNSS_FRAME.key, GNSS_FRAME.key),
-    ("lever_arm", ECCENTRICITY.key, "lever arm"),
-    ("boresight", ROTATION.key, "boresight"),
-    ("time_offset", TIME_OFFSET.key, TIME_OFFSET.key),
-)
-"""What instruments have besides: its key, the kind of its block, its part."""
 
 
 def simulated_project(
@@ -257,7 +250,13 @@ def _with_observed(network: Network, space: str, name: str, given: dict[str, Any
         return result
     for kind in ("distance meter", "refraction"):
         result = _settings(network, kind, int(parts[kind][number]), result)
-    for key, of, part in _OF_INSTRUMENTS:
+    # What instruments have besides: its key, the kind of its block, its part.
+    for key, of, part in (
+        ("frame", GNSS_FRAME.key, GNSS_FRAME.key),
+        ("lever_arm", ECCENTRICITY.key, "lever arm"),
+        ("boresight", ROTATION.key, "boresight"),
+        ("time_offset", TIME_OFFSET.key, TIME_OFFSET.key),
+    ):
         if result.get(key) and parts[part][number] >= 0:
             given = result[key] if of != TIME_OFFSET.key else {key: result[key]}
             found = _settings(network, of, int(parts[part][number]), given)

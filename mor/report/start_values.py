@@ -145,8 +145,15 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
         status = "found" if status == "replaced" else status
     components, values, units = _outwards(network, kind, number, after)
     how = None
+    # What values come from that have no rule of their own.
+    by_default = {
+        "point": rule("intersection of rays"),
+        "station": rule("from the points it sights"),
+        "system": rule("from the points measured in it"),
+        "pair": rule("from the images that have it"),
+    }
     if status in ("found", "replaced"):
-        how = approximation.how.get(f"{space} {name}") or _BY_DEFAULT.get(space, _BY_DEFAULT["system"])
+        how = approximation.how.get(f"{space} {name}") or by_default.get(space, by_default["system"])
     factor = np.fmax(local.misfit[number], 1.0)
     per_unit = ANGLE_UNITS[angle_unit_of(network.project)] if kind == "rotation" else 1.0
     sigma = factor * local.sigma[number] / per_unit
@@ -160,15 +167,6 @@ def _row(network: Network, approximation: Approximation, kind: str, number: int,
         how, components, values, units, sigma,
         float(local.misfit[number]), int(local.observations[number]),
     )  # fmt: skip
-
-
-_BY_DEFAULT = {
-    "point": rule("intersection of rays"),
-    "station": rule("from the points it sights"),
-    "system": rule("from the points measured in it"),
-    "pair": rule("from the images that have it"),
-}
-"""What values come from that have no rule of their own."""
 
 
 def _changed_names(network: Network, kind: str, number: int, changed: BoolArray) -> tuple[str, ...]:
@@ -212,13 +210,11 @@ def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int
 
 # ---- Start values as plain data, for programs.
 
-SCHEMA = 1
-
 
 def start_data(network: Network, approximation: Approximation, rows: Sequence[StartValue]) -> dict[str, Any]:
     """Counts, parts with what is in them, every value, what was replaced, and what is missing."""
     return {
-        "schema_version": SCHEMA,
+        "schema_version": 1,
         "title": network.project.title,
         "counts": [{"kind": kind, "value": what, **of} for kind, what, of in counts(rows)],
         "parts": [_part(join, network, approximation) for join in approximation.parts],
@@ -273,27 +269,18 @@ def _part(join: Join, network: Network, approximation: Approximation) -> dict[st
 
 # ---- Start values for reading: how many, in which parts, each with its rule and its precision, and what is missing.
 
-SHOWN = 1000
-"""Values of a kind that the text lists; JSON has all."""
-_EXPLAINED = (
-    "misfit: root mean square of observed - computed, from its own observations "
-    "at the start values, in units of sigma.",
-    "sigma: largest component, from these observations with all else held, times the misfit where that exceeds 1;",
-    "it does not contain the errors of the neighbours. A dash: its own observations alone do not determine it.",
-)
-STATUSES = ("given", "found", "replaced", "missing")
-
 
 def start_text(approximation: Approximation, rows: Sequence[StartValue], words: Words) -> str:
     """The report on start values."""
     all_given = words("All start values are given.") if all(row.status == "given" for row in rows) else ""
+    statuses = ("given", "found", "replaced", "missing")
     lines = [
-        [words.listed(kind), words.listed(what), *(str(number[status]) for status in STATUSES)]
+        [words.listed(kind), words.listed(what), *(str(number[status]) for status in statuses)]
         for kind, what, number in counts(rows)
     ]
     parts = [
         all_given,
-        f"{heading(words('Start values'))}\n{table(['thing', 'value', *STATUSES], lines, 2, words)}",
+        f"{heading(words('Start values'))}\n{table(['thing', 'value', *statuses], lines, 2, words)}",
         _parts(approximation, words),
         *_values(rows, words),
         _missing(approximation, words),
@@ -349,14 +336,22 @@ def _tied(join: Join, words: Words) -> str:
 
 
 def _values(rows: Sequence[StartValue], words: Words) -> list[str]:
-    lines = [_line(row, words) for row in rows[:SHOWN] if row.status != "missing"]
+    # Values of a kind that the text lists; JSON has all.
+    shown = 1000
+    lines = [_line(row, words) for row in rows[:shown] if row.status != "missing"]
     if not lines:
         return []
     headers = ["thing", "id", "value", "status", "part", "observations", "misfit [sigma]", "sigma", "unit", "how"]
     parts = [heading(words("Values")), table(headers, lines, 4, words, True)]
-    if len(rows) > SHOWN:
-        parts.append(words("{count} more are in the JSON report.", count=len(rows) - SHOWN))
-    parts += [words(line) for line in _EXPLAINED]
+    if len(rows) > shown:
+        parts.append(words("{count} more are in the JSON report.", count=len(rows) - shown))
+    explained = (
+        "misfit: root mean square of observed - computed, from its own observations "
+        "at the start values, in units of sigma.",
+        "sigma: largest component, from these observations with all else held, times the misfit where that exceeds 1;",
+        "it does not contain the errors of the neighbours. A dash: its own observations alone do not determine it.",
+    )
+    parts += [words(line) for line in explained]
     return ["\n".join(parts)]
 
 
@@ -404,8 +399,6 @@ def _missing(approximation: Approximation, words: Words) -> str:
 
 # ---- The plan of what start values were found for: each part in a colour of its own.
 
-_COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE)
-
 
 def parts(network: Network, approximation: Approximation, words: Words = ENGLISH) -> Figure:
     """Points, images and stations in plan, or in elevation of what is higher than deep, coloured by part."""
@@ -421,8 +414,9 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
     spaces = ("image", "images", "D"), ("station", "stations", "^")
     homes, sizes = np.unique(home, return_counts=True)
     largest = homes[np.argsort(-sizes, kind="stable")][:12].tolist()  # of more parts only these are drawn
+    colours = (BLUE, ORANGE, GREEN, RED, PURPLE)
     for k, number in enumerate(sorted(largest)):
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour = colours[k % len(colours)]
         label = words("part {number}", number=number) if number else words.listed("object system")
         _marks(axes, xyz[points[home[points] == number]][:, chosen], "o", 3, colour, label)
         for space, _, marker in spaces:

@@ -144,22 +144,21 @@ def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:
 
 # ---- Content of a project before it is adjusted.
 
-THINGS = {
-    "camera": "{count:camera|cameras}",
-    "image": "{count:image|images}",
-    "point": "{count:point|points}",
-    "station": "{count:station|stations}",
-    "system": "{count:system|systems}",
-    "pair": "{count:pair|pairs}",
-    "instrument": "{count:instrument|instruments}",
-}
-
 
 def contents(network: Network, words: Words = ENGLISH) -> str:
     """Counts of things, observations and unknowns; what has no start value."""
     lines = [network.project.title] if network.project.title else []
-    counts = {name: len(network.things[name].ids) for name in THINGS}
-    lines += [_row(words(THINGS[name], count=count)) for name, count in counts.items() if count]
+    things = {
+        "camera": "{count:camera|cameras}",
+        "image": "{count:image|images}",
+        "point": "{count:point|points}",
+        "station": "{count:station|stations}",
+        "system": "{count:system|systems}",
+        "pair": "{count:pair|pairs}",
+        "instrument": "{count:instrument|instruments}",
+    }
+    counts = {name: len(network.things[name].ids) for name in things}
+    lines += [_row(words(things[name], count=count)) for name, count in counts.items() if count]
     lines.append(words("observations"))
     for group in network.groups:
         lines.append(f"{int(np.count_nonzero(group.mask)):8d} {group.type.name} ({group.name})")

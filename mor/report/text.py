@@ -185,10 +185,6 @@ def _limits(test: dict[str, float], words: Words) -> str:
 # ---- The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
 
 WIDTH = 100
-LINES = 15
-"""Lines of the summary; notes and the place of the results bring them to 20."""
-WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 40
-"""Observations, cameras, checks and groups that are shown."""
 
 
 def screen(solved: Solved, words: Words = ENGLISH, verbose: bool = False) -> str:
@@ -201,11 +197,24 @@ def screen(solved: Solved, words: Words = ENGLISH, verbose: bool = False) -> str
 
 def _screen(solved: Solved, words: Words, verbose: bool) -> str:
     """At most 15 lines, of 100 columns but for the verdict; without a solution the report's words on the reason."""
+    # Lines of the summary; notes and the place of the results bring them to 20.
+    most_lines = 15
     if solved.quality is None:
         said = [*verdict(solved, words), *undetermined_section(solved, words).splitlines()]
-        return "\n".join(_fewer([line for line in said if line], LINES, words))
+        return "\n".join(_fewer([line for line in said if line], most_lines, words))
+    data = summary(solved)
+    counts = words(
+        "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
+        n=data["observations"],
+        u=data["unknowns"],
+        d=data["defect"],
+        redundancy=data["redundancy"],
+        after=short(data["sigma0"]["aposteriori"], 5),
+        before=short(data["sigma0"]["apriori"], 5),
+    )
     lines = [
-        *_figures(solved, words),
+        counts,
+        words("Datum: {datum}", datum=datum_name(data["datum"], words)),
         *_worst(solved, words),
         *_points(solved, words),
         *_cameras(solved, words),
@@ -219,13 +228,13 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
                 unit=row["unit"],
                 count=row["count"],
             )
-            for row in check_rows(solved)[:CHECKS]
+            for row in check_rows(solved)[:2]
         ],
     ]
     head = "\n".join(verdict(solved, words)).split("\n")
     if verbose:
         return "\n".join([*head, *map(_cut, [*lines, *_groups(solved, words)])])
-    return "\n".join([*_fewer(head, LINES - len(lines), words), *map(_cut, lines)])
+    return "\n".join([*_fewer(head, most_lines - len(lines), words), *map(_cut, lines)])
 
 
 def _fewer(lines: list[str], most: int, words: Words) -> list[str]:
@@ -238,26 +247,12 @@ def _cut(line: str) -> str:
     return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"
 
 
-def _figures(solved: Solved, words: Words) -> list[str]:
-    data = summary(solved)
-    counts = words(
-        "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
-        n=data["observations"],
-        u=data["unknowns"],
-        d=data["defect"],
-        redundancy=data["redundancy"],
-        after=short(data["sigma0"]["aposteriori"], 5),
-        before=short(data["sigma0"]["apriori"], 5),
-    )
-    return [counts, words("Datum: {datum}", datum=datum_name(data["datum"], words))]
-
-
 def _worst(solved: Solved, words: Words) -> list[str]:
     quality = solved.quality
     if quality is None:
         return []
     lines = []
-    for effect in solved.effects[:WORST]:
+    for effect in solved.effects[:3]:
         group, row, component = effect.entry
         line = words(
             "Worst: {place}: |w| = {w}, r = {r}",
@@ -290,7 +285,7 @@ def _points(solved: Solved, words: Words) -> list[str]:
 
 def _cameras(solved: Solved, words: Words) -> list[str]:
     lines = []
-    for row in interior_rows(solved)[:CAMERAS]:
+    for row in interior_rows(solved)[:2]:
         name, constant = next(iter(row["components"].items()))
         value = words.number(short(constant["value"], 7))
         sigma = f" ± {words.number(short(constant['sigma'], 2))}" if constant["sigma"] else ""
@@ -300,13 +295,13 @@ def _cameras(solved: Solved, words: Words) -> list[str]:
 
 
 def _groups(solved: Solved, words: Words) -> list[str]:
-    groups = group_table(solved).to_dicts()
+    groups, most = group_table(solved).to_dicts(), 40
     columns = "observations redundancy:.1f sigma0:.3f largest_w:.2f flagged"
-    rows = [[row["name"][:36], *cells(row, columns)] for row in groups[:GROUPS]]
+    rows = [[row["name"][:36], *cells(row, columns)] for row in groups[:most]]
     headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
     lines = ["", *table(headers, rows, words=words).splitlines()]
-    if len(groups) > GROUPS:
-        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - GROUPS))
+    if len(groups) > most:
+        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - most))
     return lines
 
 

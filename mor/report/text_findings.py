@@ -115,15 +115,13 @@ def diagnosed(data: dict[str, Any], words: Words) -> str:
     return "\n".join(lines)
 
 
-DIFF = 24
-"""Lines of a diff that are printed; results as JSON have all of them."""
-
-
 def _diff(diff: str | None, words: Words) -> list[str]:
     lines = (diff or "").splitlines()
-    said = [f"     {line}" for line in lines[:DIFF]]
-    if len(lines) > DIFF:
-        said.append("     " + words("and {count:line|lines} more (--json has all)", count=len(lines) - DIFF))
+    # Lines of a diff that are printed; results as JSON have all of them.
+    most = 24
+    said = [f"     {line}" for line in lines[:most]]
+    if len(lines) > most:
+        said.append("     " + words("and {count:line|lines} more (--json has all)", count=len(lines) - most))
     return said
 
 
@@ -156,10 +154,8 @@ def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:
 
 # ---- Report observations left out because all together have no acceptable solution.
 
-SHOWN = 200
 
-
-def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
+def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = 200) -> str:
     """The suspects, the worst first; nothing if there are none."""
     data = suspects(solved)
     if data is None:

@@ -89,9 +89,6 @@ def check_section(solved: Solved, words: Words) -> str:
 
 # ---- Error ellipses of points and of pairs of points.
 
-NEIGHBOURS = 2000
-"""Points of which a full report pairs each with its nearest."""
-
 
 def ellipse_section(solved: Solved, words: Words) -> str:
     """One line for each point with unknowns: the ellipse in plan; in three dimensions also the ellipsoid."""
@@ -117,7 +114,8 @@ def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -
     """One line for each pair of points asked for; where none is, for ``neighbours`` if wanted."""
     pairs = estimates.chosen_pairs(solved)
     neighbours = neighbours and len(pairs) == 0
-    rows = estimates.relative_rows(solved, estimates.neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
+    # Points of which a full report pairs each with its nearest.
+    rows = estimates.relative_rows(solved, estimates.neighbouring_pairs(solved, 2000) if neighbours else pairs)
     if not rows:
         return ""
     length, angle = solved.network.project.units.length, angle_unit(solved)
@@ -363,9 +361,6 @@ def station_section(solved: Solved, words: Words) -> str:
 
 # ---- Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch.
 
-SHOWN_MOTIONS = 200
-"""Rows of each table that a text report lists; the tables beside it have all."""
-
 
 class Listed(NamedTuple):
     """A table as texts."""
@@ -378,8 +373,8 @@ class Listed(NamedTuple):
     """Words for the rows that stand elsewhere."""
 
 
-def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_MOTIONS) -> str:
-    """Return the motion models of the points and the estimated movements as text."""
+def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = 200) -> str:
+    """Return the motion models of the points and the estimated movements as text: ``shown`` rows of each table."""
     if found_movements(solved) is None:
         return ""
     length = solved.network.project.units.length

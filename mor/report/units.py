@@ -230,16 +230,8 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
     rows = []
     features = {feature_label(feature) for feature in solved.network.project.features}
     for kind in (
-        "distance meter",
-        "refraction",
-        "gnss frame",
-        "height",
-        "eccentricity",
-        "shape",
-        "readout",
-        "position shift",
-        "attitude shift",
-        "time offset",
+        *("distance meter", "refraction", "gnss frame", "height", "eccentricity"),
+        *("shape", "readout", "position shift", "attitude shift", "time offset"),
         *(k.key for k in INTERIORS.values()),
     ):
         blocks = solved.network.blocks.get(kind)

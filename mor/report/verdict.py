@@ -201,10 +201,6 @@ def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, An
 
 # ---- The reliability map as plain data: what is weakest, what it carries, what would cure it.
 
-MOST = 1_000
-"""Points, images, stations or sets that are listed; of more the weakest."""
-CURED = 12
-"""Weak spots for which a further observation is looked for."""
 KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
 
 
@@ -252,7 +248,9 @@ def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
 def _observations(solved: Solved, quality: Quality, entries: list[ObservationComponent]) -> list[dict[str, Any]]:
     told = entries[: most_at_a_time(quality)]
     carried = carried_points(quality, told)
-    cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
+    # Weak spots for which a further observation is looked for.
+    most = 12
+    cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:most]])
     names = solved.network.blocks["point"].ids
     nabla = detectable(quality, np.array(entries, dtype=np.int64).reshape(-1, 3)).tolist()
     rows = []
@@ -265,7 +263,7 @@ def _observations(solved: Solved, quality: Quality, entries: list[ObservationCom
                 "r": r,
                 "nabla": said_one(said_sizes, group, entry.component, nabla[k]) if np.isfinite(nabla[k]) else None,
                 "carries": [names[block] for block in carried[k]] if k < len(told) else None,
-                "cure": _cure(solved, cures[k]) if k < CURED else None,
+                "cure": _cure(solved, cures[k]) if k < most else None,
             }
         )
     return rows
@@ -293,9 +291,11 @@ def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
 
 
 def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
-    few = len(one.names) <= MOST
+    # Points, images, stations or sets that are listed; of more the weakest.
+    most = 1_000
+    few = len(one.names) <= most
     # Some things (k,) of one kind.
-    numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST)
+    numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(most)
     assert solved.quality is not None
     nabla = detectable(solved.quality, one.weakest[numbers])
     groups = solved.adjustment.problem.groups
@@ -318,12 +318,9 @@ def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
 
 # ---- Tests of groups in words: which groups contradict, what would explain them, what is chosen and not measured.
 
-SHOWN = 40
-"""Tests that the report lists: those that reject, then those of tables."""
 
-
-def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """All that rejects, and the tests of tables."""
+def section(solved: Solved, words: Words = ENGLISH, shown: int = 40) -> str:
+    """All that rejects, and the tests of tables: ``shown`` of them."""
     return section_of(verdict_rows(solved), words, shown)
 
 
@@ -499,12 +496,10 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
 
 WORDS_OF_RELIABILITY_NAMED = 10
 """Uncontrolled observations that are spoken of one by one."""
-WEAKEST = 4
-"""Points, images, stations and sets, each, that the table has."""
 
 
 def section_of_reliability(
-    solved: Solved, words: Words = ENGLISH, weakest: int = WEAKEST, named: int = WORDS_OF_RELIABILITY_NAMED
+    solved: Solved, words: Words = ENGLISH, weakest: int = 4, named: int = WORDS_OF_RELIABILITY_NAMED
 ) -> str:
     """So many uncontrolled observations, then so many weakest of each kind."""
     unit = solved.network.project.units.length

@@ -20,8 +20,6 @@ from mor.report.identity import EPOCH, schema_of
 from mor.report.language import Words
 from mor.report.layout import aligned, cells, short, table
 
-_LIBRARIES = ("numpy", "scipy", "polars", "pydantic", "numba", "pyproj")
-
 
 class ReferenceCheck(NamedTuple):
     """Numbers of one kind against their reference values; the one that comes nearest to its limit stands for all."""
@@ -77,11 +75,12 @@ def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
     except OSError:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    libraries = ("numpy", "scipy", "polars", "pydantic", "numba", "pyproj")
     return {
         **schema_of("mor-verification", 1),
         "date": now.isoformat(timespec="seconds"),
         "python": f"{platform.python_implementation()} {platform.python_version()}",
-        "libraries": {name: found for name in _LIBRARIES if (found := _version(name))},
+        "libraries": {name: found for name in libraries if (found := _version(name))},
         "linear_algebra": sorted(
             {
                 " ".join(str(one[key]) for key in ("internal_api", "version", "architecture") if one.get(key))

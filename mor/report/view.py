@@ -156,22 +156,17 @@ def view_of_folder(folder: Path) -> View:
             ]
         )
     try:
-        return _view(data, folder)
+        points, images = (_table(data, name, folder) for name in ("points", "images"))
+        view = view_of_rows(data, points, images, _residuals(data, folder))
+        if (folder / FILE).is_file():
+            view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
+        return replace(
+            view,
+            movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
+            trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
+        )
     except (KeyError, TypeError, pl.exceptions.PolarsError):
-        words = "these results are not complete"
-        raise InputError([Message(words, str(path))]) from None
-
-
-def _view(data: dict[str, Any], folder: Path) -> View:
-    points, images = (_table(data, name, folder) for name in ("points", "images"))
-    view = view_of_rows(data, points, images, _residuals(data, folder))
-    if (folder / FILE).is_file():
-        view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
-    return replace(
-        view,
-        movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
-        trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
-    )
+        raise InputError([Message("these results are not complete", str(path))]) from None
 
 
 def _additional(
@@ -397,9 +392,6 @@ def covered(xy: FloatArray, area: float) -> float:
 # constant and the principal point alone. Its σ follows from the covariance of the distortion components,
 # those of the camera constant and the principal point left aside.
 
-_NOT_DISTORTION = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
-_AZIMUTHS = 16
-
 
 class DistortionField(NamedTuple):
     """Distortion at n ideal image points (n, 2), with covariances (n, 2, 2); image unit of the camera."""
@@ -425,12 +417,13 @@ def distortion(camera: dict[str, Any], ideal: FloatArray) -> DistortionField:
 def radial_curve(camera: dict[str, Any], largest: float, count: int = 61) -> RadialCurve:
     """Radial distortion of a camera from the principal point to the radius ``largest``."""
     radius = np.linspace(0.0, largest, count)[1:]
-    azimuth = np.arange(_AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+    azimuths = 16
+    azimuth = np.arange(azimuths) * 2.0 * np.pi / azimuths
     direction = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     shift, by_terms, covariance = _linearised(camera, (radius[:, None, None] * direction).reshape(-1, 2))
     along = np.tile(direction, (len(radius), 1))
-    mean = np.einsum("nk,nk->n", shift, along).reshape(-1, _AZIMUTHS).mean(axis=1)
-    form = np.einsum("nk,nkp->np", along, by_terms).reshape(len(radius), _AZIMUTHS, -1).mean(axis=1)
+    mean = np.einsum("nk,nk->n", shift, along).reshape(-1, azimuths).mean(axis=1)
+    form = np.einsum("nk,nkp->np", along, by_terms).reshape(len(radius), azimuths, -1).mean(axis=1)
     sigma = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", form, covariance, form), 0.0))
     zero = np.zeros(1)
     return RadialCurve(np.append(zero, radius), np.append(zero, mean), np.append(zero, sigma))
@@ -441,7 +434,8 @@ def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, 
     model = lens_of(camera["model"])
     names = [component.name for component in model.components]
     values = np.array([camera["components"][name]["value"] for name in names])
-    plain = np.where([name in _NOT_DISTORTION for name in names], values, 0.0)
+    not_distortion = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
+    plain = np.where([name in not_distortion for name in names], values, 0.0)
     constants = np.full((len(ideal), len(model.constants)), float(camera["r0"] or 0.0))
     focal = values[0]
     scale = np.array([1.0, focal / values[names.index("fy")] if "fy" in names else 1.0])
@@ -449,7 +443,7 @@ def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, 
     centre = model.project(star, np.tile(plain, (len(ideal), 1)), constants, ideal)
     seen = model.project(star, np.tile(values, (len(ideal), 1)), constants, centre.xy)
     base = model.project(star, np.tile(plain, (len(ideal), 1)), constants, centre.xy)
-    distorting = set(names) - _NOT_DISTORTION
+    distorting = set(names) - not_distortion
     terms = [k for k, name in enumerate(camera["correlations"]["components"]) if name in distorting]
     free = [camera["correlations"]["components"][k] for k in terms]
     by_terms = seen.by_interior[:, :, [names.index(name) for name in free]]

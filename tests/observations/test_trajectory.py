@@ -102,10 +102,10 @@ def test_derivatives_of_navigation_and_steadiness(knots: int) -> None:
     intervals = random.uniform(1.0, 3.0, (N, 2))
     turns = rotation_from_angles(random.normal(0, 0.3, (3, N, 3)))
     places = random.normal(0, 10, (3, N, 3))
-    for type_ in (steadiness.CONSTANT_POSITION, steadiness.SMOOTH_POSITION):
+    for type_ in (steadiness.STEADINESS[key, "position"] for key in ("constancy", "smoothness")):
         count = len(type_.slots)
         assert worst(type_, list(places[:count]), intervals[:, : count - 1]) < 1e-7
-    for type_ in (steadiness.CONSTANT_ATTITUDE, steadiness.SMOOTH_ATTITUDE):
+    for type_ in (steadiness.STEADINESS[key, "attitude"] for key in ("constancy", "smoothness")):
         count = len(type_.slots)
         assert worst(type_, list(turns[:count]), intervals[:, : count - 1]) < 1e-7
 

@@ -172,14 +172,6 @@ LOST = {
 }
 """What of a model without a counterpart mor cannot say."""
 
-_SAME = {
-    "fisheye": "OPENCV_FISHEYE",
-    "thin-prism-fisheye": "THIN_PRISM_FISHEYE",
-    "rad-tan-thin-prism-fisheye": "RAD_TAN_THIN_PRISM_FISHEYE",
-    "fov": "FOV",
-}
-"""COLMAP's models with the numbers and names of mor's."""
-
 
 def has_one_unknown_more(name: str) -> bool:
     """True for a model with one focal length whose counterpart in mor has two."""
@@ -224,17 +216,24 @@ def camera_from(number: int, camera: Camera, edge: Edge, what: str = "COLMAP") -
     scale = image_scale(camera)
     width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
     values = interior_values(camera, edge, scale)
+    # COLMAP's models with the numbers and names of mor's.
+    same = {
+        "fisheye": "OPENCV_FISHEYE",
+        "thin-prism-fisheye": "THIN_PRISM_FISHEYE",
+        "rad-tan-thin-prism-fisheye": "RAD_TAN_THIN_PRISM_FISHEYE",
+        "fov": "FOV",
+    }
     if camera.model in ("mor", "brown-forward"):
         name, parameters = _from_radial(_as_mor(camera, values, edge, scale), (width, height), scale.pixel)
     elif camera.model == "opencv":
         name, parameters = _from_opencv(values, scale.pixel)
-    elif camera.model in _SAME and not values.get("alpha"):
-        name = _SAME[camera.model]
+    elif camera.model in same and not values.get("alpha"):
+        name = same[camera.model]
         values = {"fy": values["fx"], **values}
         parameters = [values.get(key, 0.0) / (scale.pixel if key in _TWO else 1.0) for key in MODELS[name].parameters]
     else:
         raise ValueError(f"no model of {what} says what its model {camera.model} says")
-    if camera.model in ("opencv", *_SAME) and not scale.corner:
+    if camera.model in ("opencv", *same) and not scale.corner:
         parameters[2:4] = parameters[2] + width / 2.0, parameters[3] + height / 2.0
     return ColmapCamera(number, name, round(width), round(height), tuple(parameters))
 

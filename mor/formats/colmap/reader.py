@@ -77,9 +77,6 @@ def _pair(name: str, pose: QuaternionPose) -> Row:
 
 # ---- COLMAP's binary files: little-endian numbers one after the other.
 
-_IMAGE_POINT = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
-_POINT = np.dtype([("number", "<u8"), ("xyz", "<f8", (3,))])
-"""What is read of a point; its colour (3 bytes) and error (8), the length of its track (8) and the track follow."""
 _LENGTH, _LENGTH_AT, _POINT_SIZE = struct.Struct("<Q"), 43, 51
 _TRACK_ELEMENT = 8
 
@@ -153,13 +150,14 @@ def read_images(path: Path) -> list[ColmapImage]:
     """``images.bin``."""
     file = Bytes(path)
     images = []
+    image_point = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
     for _ in range(file.count(73)):
         number = int(file.take("<I")[0])
         pose = file.pose()
         camera, name = int(file.take("<I")[0]), file.name()
-        count = file.count(_IMAGE_POINT.itemsize)
-        found = np.frombuffer(file.content, _IMAGE_POINT, count, file.at)
-        file.at += count * _IMAGE_POINT.itemsize
+        count = file.count(image_point.itemsize)
+        found = np.frombuffer(file.content, image_point, count, file.at)
+        file.at += count * image_point.itemsize
         images.append(ColmapImage(number, pose, camera, name, found["xy"], found["point"]))
     file.finish()
     return images
@@ -173,7 +171,9 @@ def read_points(path: Path) -> tuple[IntArray, FloatArray]:
     if not len(starts):
         return np.empty(0, dtype=np.int64), np.empty((0, 3))
     content = np.frombuffer(file.content, np.uint8)
-    found = sliding_window_view(content, _POINT.itemsize)[starts].view(_POINT)[:, 0]
+    # What is read of a point; its colour (3 bytes) and error (8), the length of its track (8) and the track follow.
+    point = np.dtype([("number", "<u8"), ("xyz", "<f8", (3,))])
+    found = sliding_window_view(content, point.itemsize)[starts].view(point)[:, 0]
     large = np.flatnonzero(found["number"] >= 1 << 63)
     if len(large):
         file.at = int(starts[large[0]])
@@ -230,11 +230,6 @@ def read_frames(path: Path) -> list[RigFrame]:
 
 
 # ---- COLMAP's text files: a thing a line, an image on two; lines that begin with # are comments.
-
-_IMAGE = "number, qw qx qy qz, tx ty tz, camera, name"
-_POINTS = "x, y and the number of a point (or -1) by turns"
-_BEFORE_TRACK = 8
-"""Words of a point in front of its track."""
 
 
 class LineError(Exception):
@@ -298,7 +293,7 @@ def read_text_images(path: Path, draft: Draft) -> list[ColmapImage]:
             continue
         below, points = next(lines, (line, ""))
         try:
-            _form(words, 10, _IMAGE)
+            _form(words, 10, "number, qw qx qy qz, tx ty tz, camera, name")
             pose = _pose(words[1:8])
             image, camera = _whole(words[0]), _whole(words[8])
         except (LineError, ValueError) as error:
@@ -316,23 +311,26 @@ def read_text_images(path: Path, draft: Draft) -> list[ColmapImage]:
 def _image_points(words: list[str]) -> tuple[FloatArray, IntArray]:
     if not words:
         return empty_points()
+    expected = "x, y and the number of a point (or -1) by turns"
     if len(words) % 3:
-        raise LineError(f"found {len(words)} numbers, expected {_POINTS}")
+        raise LineError(f"found {len(words)} numbers, expected {expected}")
     try:
         # Python's own conversion takes a fifth of the time of numpy's from text.
         xy = np.array([list(map(float, words[0::3])), list(map(float, words[1::3]))]).T
         points = np.array(list(map(int, words[2::3])), dtype=np.int64)
     except (ValueError, OverflowError) as error:
-        raise LineError(f"expected {_POINTS}: {error}") from None
+        raise LineError(f"expected {expected}: {error}") from None
     return xy, points
 
 
 def read_text_points(path: Path, draft: Draft) -> tuple[IntArray, FloatArray]:
     """Numbers (n,) and coordinates (n, 3) of ``points3D.txt``; colours, errors and tracks are passed by."""
     numbers, xyz = [], []
-    for line, words in _lines(path, draft, _BEFORE_TRACK):
+    # Words of a point in front of its track.
+    before_track = 8
+    for line, words in _lines(path, draft, before_track):
         try:
-            _form(words, _BEFORE_TRACK, "number, X Y Z, R G B, error, track")
+            _form(words, before_track, "number, X Y Z, R G B, error, track")
             numbers.append(_whole(words[0]))
             xyz.append([parse_number(word) for word in words[1:4]])
         except (LineError, ValueError) as error:

@@ -42,9 +42,14 @@ def write_colmap(document: Document, folder: Path, target: Path) -> Written:
     """Text files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
     content = content_of(document, folder)
     model = SparseModel(content)
+    lines = []
+    for k, name in enumerate(model.images.ids):
+        lines.append(f"{k + 1} {_words(model.poses[k])} {model.camera_of[k]} {name}\n")
+        rays = (f"{_words(model.rays.xy[row])} {model.point_of_ray[row]}" for row in model.of_image[k])
+        lines.append(" ".join(rays) + "\n")
     files = {
         "cameras.txt": "".join(camera_line(camera) for camera in model.cameras.values()),
-        "images.txt": "".join(_image_lines(model)),
+        "images.txt": "".join(lines),
         "points3D.txt": "".join(_point_lines(model)),
     }
     return _written({target / name: text.encode() for name, text in files.items()}, content, model, target)
@@ -55,7 +60,15 @@ def write_colmap_binary(document: Document, folder: Path, target: Path) -> Writt
     content = content_of(document, folder)
     model = SparseModel(content)
     cameras = [_camera_bytes(camera) for camera in model.cameras.values()]
-    files = {"cameras.bin": cameras, "images.bin": _image_bytes(model), "points3D.bin": _point_bytes(model)}
+    form = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
+    parts = []
+    for k, name in enumerate(model.images.ids):
+        rows = model.of_image[k]
+        rays = np.empty(len(rows), dtype=form)
+        rays["xy"], rays["point"] = model.rays.xy[rows], model.point_of_ray[rows]
+        head = struct.pack("<I7dI", k + 1, *model.poses[k], model.camera_of[k])
+        parts.append(head + name.encode() + b"\0" + struct.pack("<Q", len(rows)) + rays.tobytes())
+    files = {"cameras.bin": cameras, "images.bin": parts, "points3D.bin": _point_bytes(model)}
     packed = {target / name: struct.pack("<Q", len(parts)) + b"".join(parts) for name, parts in files.items()}
     return _written(packed, content, model, target)
 
@@ -141,15 +154,6 @@ def camera_line(camera: ColmapCamera) -> str:
     return f"{camera.id} {camera.model} {camera.width} {camera.height} {_words(camera.parameters)}\n"
 
 
-def _image_lines(model: SparseModel) -> list[str]:
-    lines = []
-    for k, name in enumerate(model.images.ids):
-        lines.append(f"{k + 1} {_words(model.poses[k])} {model.camera_of[k]} {name}\n")
-        rays = (f"{_words(model.rays.xy[row])} {model.point_of_ray[row]}" for row in model.of_image[k])
-        lines.append(" ".join(rays) + "\n")
-    return lines
-
-
 def _point_lines(model: SparseModel) -> list[str]:
     tracks = _tracks(model)
     return [
@@ -161,18 +165,6 @@ def _point_lines(model: SparseModel) -> list[str]:
 def _camera_bytes(camera: ColmapCamera) -> bytes:
     head = struct.pack("<IiQQ", camera.id, MODELS[camera.model].number, camera.width, camera.height)
     return head + struct.pack(f"<{len(camera.parameters)}d", *camera.parameters)
-
-
-def _image_bytes(model: SparseModel) -> list[bytes]:
-    form = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
-    parts = []
-    for k, name in enumerate(model.images.ids):
-        rows = model.of_image[k]
-        rays = np.empty(len(rows), dtype=form)
-        rays["xy"], rays["point"] = model.rays.xy[rows], model.point_of_ray[rows]
-        head = struct.pack("<I7dI", k + 1, *model.poses[k], model.camera_of[k])
-        parts.append(head + name.encode() + b"\0" + struct.pack("<Q", len(rows)) + rays.tobytes())
-    return parts
 
 
 def _point_bytes(model: SparseModel) -> list[bytes]:

@@ -35,7 +35,6 @@ from mor.units import parse_dms
 # Source: *DynAdjust User's Guide*, appendix on DNA file formats: columns of 20 characters for names, values
 # behind column 62, angles in degrees, minutes and seconds, their σ in seconds.
 
-_MARK = "!#=DNA"
 NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
 VALUES = 62
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
@@ -146,9 +145,10 @@ def marked_lines(path: Path, draft: Draft) -> list[str]:
     lines = read_lines(path, draft)
     words = (lines[0] if lines else "").split()
     version = words[1].partition(".")[0] if len(words) > 1 else ""
-    if not lines or not lines[0].startswith(_MARK) or version not in ("3", "300", "301"):
+    mark = "!#=DNA"
+    if not lines or not lines[0].startswith(mark) or version not in ("3", "300", "301"):
         said = lines[0][:30] if lines else ""
-        raise InputError([Message(f"found {said!r}, expected {_MARK} 3 in the first line", str(path), 1)])
+        raise InputError([Message(f"found {said!r}, expected {mark} 3 in the first line", str(path), 1)])
     return lines
 
 
@@ -185,7 +185,6 @@ class MeasurementKind(NamedTuple):
 
 
 _LINE = ("from", "to")
-_COORDINATES = (("P", "latitude"), ("Q", "longitude"), ("I", "latitude"), ("J", "longitude"))
 KINDS = {
     "A": MeasurementKind("angle", ("at", "from", "to"), "angle", angle=True),
     "B": MeasurementKind("azimuth", _LINE, "azimuth", angle=True),
@@ -200,7 +199,10 @@ KINDS = {
     "V": MeasurementKind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
     "Z": MeasurementKind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
 }
-COORDINATES = {code: MeasurementKind("geodetic_position", ("point",), name, angle=True) for code, name in _COORDINATES}
+COORDINATES = {
+    code: MeasurementKind("geodetic_position", ("point",), name, angle=True)
+    for code, name in zip("PQIJ", ("latitude", "longitude") * 2, strict=True)
+}
 """Geodetic (P, Q) and astronomic (I, J) latitudes and longitudes, alone."""
 SINGLE = {**KINDS, **COORDINATES}
 
@@ -240,7 +242,6 @@ def sexagesimal_words(text: str, words: list[str]) -> str:
 
 CODE = "D"
 _FROM, _TARGET = slice(2, 42), NAMES[2]
-_COLUMNS = ("station", "to", "horizontal", "sigma", "set")
 
 
 class SetDirection(NamedTuple):
@@ -306,8 +307,9 @@ def put_set(found: Collected, station: str, sights: list[SetDirection], said: st
 def put_directions(found: Collected) -> None:
     """Put the sets that were read into a table."""
     rows = found.tables.pop(CODE, [])
+    columns = ("station", "to", "horizontal", "sigma", "set")
     if rows:
-        found.draft.table("observations", _COLUMNS, rows, type="directions", units={"sigma": "arcsec"})
+        found.draft.table("observations", columns, rows, type="directions", units={"sigma": "arcsec"})
 
 
 # ---- GNSS baselines and positions with their covariances: alone, or in clusters with one matrix.
@@ -388,7 +390,7 @@ def put_clusters(found: Collected, stations: list[StationRecord], own: Frame) ->
     frames: dict[bool, dict[str, int]] = {True: {}, False: {}}
     for cluster in found.read:
         row = cluster.rows[0]
-        try:
+        with found.draft.at(row.line, name=f"station {row.cells[0]!r}"):
             names = [str(row.cells[0]) for row in cluster.rows]
             if not set(names) <= set(by_name):  # put_stations tells it
                 continue
@@ -401,8 +403,6 @@ def put_clusters(found: Collected, stations: list[StationRecord], own: Frame) ->
                 frames[bool(year)].setdefault(" ".join(cluster.frame).strip(), row.line)
                 cluster = _transformed(cluster, places, name, own.name, year) if year else cluster
             _put_cluster(found, cluster, places)
-        except ValueError as error:
-            found.draft.problem(f"station {row.cells[0]!r}: {error}", row.line)
     for transformed, told in frames.items():
         if told:
             many = f"measurements in {counted(len(told), 'frame and epoch', 'frames and epochs')} ({', '.join(told)})"
@@ -477,14 +477,14 @@ _STATIC = ("GDA94", "GDA2020")
 """Frames that move with the plate."""
 _DEFAULT = Frame("GDA2020", "01.01.2020")
 """DynAdjust's own."""
-_EPOCH = re.compile(r"\d\d?\.\d\d?\.\d{4}")
 
 
 def frame_among(words: Iterable[str], default: Frame = Frame("", "")) -> Frame:  # noqa: B008 - it does not change
     """The first name among words, and the first date behind it; what is missing is that of another frame."""
     name, epoch = "", ""
+    date_form = re.compile(r"\d\d?\.\d\d?\.\d{4}")
     for word in words:
-        date = _EPOCH.match(word)
+        date = date_form.match(word)
         if date:
             epoch = epoch or date[0]
         elif word[0].isalpha() and not name:
@@ -564,8 +564,6 @@ SYSTEMS = {
     "ITRF2020": 9990,
 }
 """Geographic systems of the frames that DynAdjust's files are in, by EPSG code."""
-_ZONES = {"GDA94": 28300, "GDA2020": 7800}
-"""EPSG codes of the map grids of these frames, without their zones."""
 _HELD = "1e-6"
 """σ (m) of what is held in part: DynAdjust's own."""
 
@@ -643,16 +641,8 @@ def _positions(draft: Draft) -> bool:
 
 def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
     columns = (
-        "id",
-        "latitude",
-        "longitude",
-        "height",
-        "geoid",
-        "deflection_north",
-        "deflection_east",
-        "sigma_east",
-        "sigma_north",
-        "sigma_up",
+        *("id", "latitude", "longitude", "height", "geoid"),
+        *("deflection_north", "deflection_east", "sigma_east", "sigma_north", "sigma_up"),
     )
     units = {"latitude": "deg", "longitude": "deg"}
     for which, rows in tables.items():
@@ -698,6 +688,8 @@ def _place(station: StationRecord, frame: str, N: float) -> list[str]:
             raise ValueError(f"found the latitude {latitude:g}, expected it between -90 and 90")
         return [repr(latitude), repr(longitude), repr(parse_number(words[2]) - (N if kind == "LLh" else 0.0))]
     values = np.array([[parse_number(word) for word in words]])
+    # EPSG codes of the map grids of these frames, without their zones.
+    zones = {"GDA94": 28300, "GDA2020": 7800}
     if kind == "XYZ":
         latitude, longitude, height = _system(SYSTEMS[frame]).ellipsoid.geodetic(values)[0].tolist()
         height -= N
@@ -705,9 +697,9 @@ def _place(station: StationRecord, frame: str, N: float) -> list[str]:
         zone = station.zone
         if not zone.isdecimal() or not 1 <= int(zone) <= 60:
             raise ValueError(f"found the zone {zone!r}, expected a number from 1 to 60")
-        if frame not in _ZONES:
+        if frame not in zones:
             raise ValueError(f"found UTM in {frame}, which has no map grid; expected LLH or XYZ")
-        grid = _system(_ZONES[frame] + int(zone))
+        grid = _system(zones[frame] + int(zone))
         latitude, longitude, height = grid.to_geodetic(values)[0].tolist()
     else:
         raise ValueError(f"found coordinates in {kind!r}, expected LLH, UTM or XYZ")
@@ -738,7 +730,6 @@ def frame_of(words: list[str], draft: Draft, line: int = 1, default: Frame | Non
 
 ROOT = "DnaXmlFormat"
 STATIONS, MEASURED = "stn.xml", "msr.xml"
-_CASES = (str.lower, str.upper, str.capitalize)
 
 
 def pair_of(path: Path) -> tuple[Path, Path, str]:
@@ -754,9 +745,10 @@ def pair_of(path: Path) -> tuple[Path, Path, str]:
         raise InputError([Message(words, str(path))])
     start, end = which[-1].span()
     before, behind = path.name[:start], path.name[end:]
+    cases = (str.lower, str.upper, str.capitalize)
     pair = [
         next((place for place in map(path.with_name, names) if place.is_file()), path.with_name(names[0]))
-        for names in ([f"{before}{form(kind)}{behind}" for form in _CASES] for kind in ("stn", "msr"))
+        for names in ([f"{before}{form(kind)}{behind}" for form in cases] for kind in ("stn", "msr"))
     ]
     return pair[0], pair[1], f"{before}{behind.removesuffix(path.suffix)}".strip("._- ")
 
@@ -964,10 +956,8 @@ def read_dynaml(path: Path) -> Document:
     root = root_of(measured)
     found = Collected(draft, frame_of(_frame_words(root), draft, root.line))
     for element in root.all("DnaMeasurement"):
-        try:
+        with draft.at(element.line):
             read_measurement(found, element)
-        except ValueError as error:
-            draft.problem(str(error), element.line)
     root = root_of(stations)
     own = frame_of(_frame_words(root), draft, root.line, found.frame)
     return _finish(found, stations, stations_of_xml(root), own, name)

@@ -121,8 +121,7 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     set_ups = SetUps(content, points.ids)
     measured = [one for group in found for one in _measurements(content, group, N, set_ups)]
     notes = not_carried(content, kinds, ("stations",), "DynAdjust")
-    words = f"the epoch is written as {EPOCH}: a project has none"
-    notes.append(Message(words, str(target)))
+    notes.append(Message(f"the epoch is written as {EPOCH}: a project has none", str(target)))
     if raised(content, found):
         notes.append(Message("directions have no heights of instrument and target in DynAdjust", str(target)))
     return Outgoing(frame, points, world.orthometric, measured, notes)
@@ -323,8 +322,6 @@ def _angle(value: float, sigma: float) -> str:
 #
 # Written as DynAdjust writes it: order and names of the elements are those of its samples and of its source.
 
-_UPPER = (("XX", 0, 0), ("XY", 0, 1), ("XZ", 0, 2), ("YY", 1, 1), ("YZ", 1, 2), ("ZZ", 2, 2))
-
 
 def write_dynaml(document: Document, folder: Path, target: Path) -> Written:
     """The files. Raises :class:`InputError` for networks that are not on GDA94 or GDA2020, and what they cannot say."""
@@ -430,13 +427,14 @@ def _cluster(one: MeasurementCluster, frame: str) -> Iterator[str]:
     if one.code != "G":
         yield _element("Total", str(len(one.names)))
     member, block = ("Clusterpoint", "PointCovariance") if one.code == "Y" else ("GPSBaseline", "GPSCovariance")
+    upper = (("XX", 0, 0), ("XY", 0, 1), ("XZ", 0, 2), ("YY", 1, 1), ("YZ", 1, 2), ("ZZ", 2, 2))
     for k, (names, values) in enumerate(zip(one.names, one.values, strict=True)):
         for tag, name in zip(("First", "Second"), names, strict=False):
             yield _element(tag, name)
         yield f"<{member}>"
         yield from (f"  {_element(axis, value)}" for axis, value in zip("XYZ", values, strict=True))
         own = one.Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        yield from (f"  {_element(f'Sigma{pair}', f'{own[i, j]:.15e}')}" for pair, i, j in _UPPER)
+        yield from (f"  {_element(f'Sigma{pair}', f'{own[i, j]:.15e}')}" for pair, i, j in upper)
         for other in range(k + 1, len(one.names)):
             yield from (f"  {line}" for line in _block(block, one.Q[3 * k : 3 * k + 3, 3 * other : 3 * other + 3]))
         yield f"</{member}>"

@@ -22,19 +22,17 @@ from mor.units import ANGLE_UNITS, parse_dms
 # ---- Elements and attributes of GNU Gama XML input, and the errors for others.
 
 Check = Callable[[str], object]
-_DMS = re.compile(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$")
-_SIXTY = re.compile(r"^\s*(?P<sign>[-+]?)(?P<d>\d+)-(?P<m>\d+)-(?P<s>\d+(?:\.\d*)?)\s*$")
 _COMPONENTS = ("xy", "XY", "z", "Z", "xyz", "XYZ", "XYz", "xyZ")
 
 
 def is_dms(text: str) -> bool:
     """True for angles written d-m-s; all others are gon."""
-    return _DMS.match(text) is not None
+    return re.match(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$", text) is not None
 
 
 def carried(text: str) -> str:
     """An angle; d-m-s whose minutes or seconds were rounded up to 60 as degrees."""
-    match = _SIXTY.match(text)
+    match = re.match(r"^\s*(?P<sign>[-+]?)(?P<d>\d+)-(?P<m>\d+)-(?P<s>\d+(?:\.\d*)?)\s*$", text)
     if match is None:
         return text
     minutes, seconds = float(match["m"]), float(match["s"])
@@ -106,7 +104,6 @@ class ElementRule(NamedTuple):
 _SIGHT = {"from": _identifier, "stdev": _positive, "from_dh": parse_number, "to_dh": parse_number, "extern": _anything}
 _LENGTH = ElementRule((), {"to": _identifier, "val": _positive}, _SIGHT)
 _ANGULAR = ElementRule((), {"to": _identifier, "val": _angle}, _SIGHT)
-_MEASURED = ("direction", "distance", "angle", "s-distance", "z-angle", "azimuth", "dh")
 RULES = {
     "gama-local": ElementRule(("network",), {}, {"xmlns": _anything, "version": _anything}),
     "network": ElementRule(
@@ -152,7 +149,7 @@ RULES = {
         },
     ),
     "obs": ElementRule(
-        (*_MEASURED, "cov-mat"),
+        ("direction", "distance", "angle", "s-distance", "z-angle", "azimuth", "dh", "cov-mat"),
         {},
         {"from": _identifier, "orientation": _angle, "from_dh": parse_number, "extern": _anything},
     ),
@@ -197,10 +194,8 @@ def check(element: Element, draft: Draft) -> None:
             words = f"<{element.name}>: unknown attribute {name!r}{nearest(name, known)}"
             draft.problem(f"{words} (known here: {', '.join(known) or 'none'})", element.line)
             continue
-        try:
+        with draft.at(element.line, name=f"<{element.name}> {name}"):
             known[name](text)
-        except ValueError as error:
-            draft.problem(f"<{element.name}> {name}: {error}", element.line)
     for name in rule.required or {}:
         if name not in element.attributes:
             draft.problem(f"<{element.name}>: attribute {name!r} is missing", element.line)
@@ -300,14 +295,6 @@ def put_points(points: dict[str, GamaPoint], draft: Draft) -> None:
         tables.setdefault(tuple(held), []).append(row)
     for held_components, rows in tables.items():
         draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held_components))
-
-
-def put_datum(points: dict[str, GamaPoint], draft: Draft) -> None:
-    """Inner constraints over the constrained coordinates, where there are any."""
-    carrying = {part: [p.name for p in points.values() if p.carries_datum(part)] for part in POINT_PARTS}
-    free = {part: names for part, names in carrying.items() if names}
-    if free:
-        draft.put("datum", {"free": free})
 
 
 # ---- Observations of a GNU Gama file: what was measured, with which σ or covariances, and what is left out.
@@ -752,8 +739,6 @@ def _term(
 # coordinates and results stay those of the file. Weights depend on ratios of σ only, so ``sigma-apr`` is the
 # σ0 of the report.
 
-LEFT_HANDED = ("ne", "sw", "es", "wn")
-
 
 def read_gkf(path: Path) -> Document:
     """The project a GNU Gama XML file describes. Raises :class:`InputError` with every mistake found."""
@@ -783,7 +768,7 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
         draft.problem("no points are given: each one needs <point id=…> with fix=… or adj=…", body.line)
     clusters = without_inactive(clusters, points, draft)
     x_axis = {"e": 300.0, "n": 0.0, "s": 200.0, "w": 100.0}[axes[0]] * (1.0 if left else -1.0) * np.pi / 200.0
-    y_sign = 1.0 if left == (axes in LEFT_HANDED) else -1.0
+    y_sign = 1.0 if left == (axes in ("ne", "sw", "es", "wn")) else -1.0
     tolerance = float(parameters.get("tol-abs", "1000")) / 1000.0
     clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, sigma_apriori, draft)
     clusters = without_lonely_directions(clusters, draft)
@@ -800,7 +785,11 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     draft.put("axes", {"xy": axes, "angles": "clockwise" if left else "counterclockwise", "bearings_from": "north"})
     put_points(points, draft)
     _put_observations(clusters, draft)
-    put_datum(points, draft)
+    # Inner constraints over the constrained coordinates, where there are any.
+    carrying = {part: [p.name for p in points.values() if p.carries_datum(part)] for part in POINT_PARTS}
+    free = {part: names for part, names in carrying.items() if names}
+    if free:
+        draft.put("datum", {"free": free})
     draft.put("settings", _settings(parameters, sigma_apriori, dimensions(points)))
 
 

@@ -18,10 +18,6 @@ from mor.project.document import Document
 from mor.project.schema import Datum
 from mor.types import FloatArray
 
-_SECTIONS = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
-_TOLERANCE = "1e9"
-"""gama-local leaves out what misses the given coordinates by more (mm); mor leaves nothing out by itself."""
-
 
 def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     """The network; what GNU Gama has no place for is noted. Raises :class:`InputError` for what it cannot say."""
@@ -34,13 +30,14 @@ def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     axes, settings = content.project.axes, content.project.settings
     angles = "left-handed" if axes.angles == "clockwise" else "right-handed"
     found = points(content)
+    # gama-local leaves out what misses the given coordinates by more (mm); mor leaves nothing out by itself.
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
         '<gama-local xmlns="http://www.gnu.org/software/gama/gama-local">',
         f'<network axes-xy="{axes.xy}" angles="{angles}">',
         f"<description>{escape(content.project.title)}</description>",
         f'<parameters sigma-apr="{settings.sigma0!r}" conf-pr="{1.0 - settings.global_level:.10g}" '
-        f'tol-abs="{_TOLERANCE}" sigma-act="{settings.sigma}"/>',
+        f'tol-abs="1e9" sigma-act="{settings.sigma}"/>',
         "<points-observations>",
         *_points(found, content),
         *_observed_points(found, content),
@@ -182,8 +179,9 @@ def _unit(element: str, metres: float) -> float:
 
 def _section(group: ObservationTable, references: dict[str, str], row: int) -> tuple[str, str]:
     element = PARTS[group.entry.type][0].element
-    if element in _SECTIONS:
-        return _SECTIONS[element], ""
+    sections = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
+    if element in sections:
+        return sections[element], ""
     if "station" in references:
         return "obs", f"{references['station']}\0{group.rows.text('set')[row]}"
     return "obs", ""

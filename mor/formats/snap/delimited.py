@@ -17,29 +17,6 @@ from mor.errors import InputError, Message
 from mor.formats.draft import Draft, read_lines
 
 _PART = re.compile(r'"([^"]*)"|@(\w+)|\$(\w+)|(\w+)\(\s*([@$]\w+)\s*\)|(\S+)')
-_OBSERVATION = {
-    *("type", "set_id", "instrument_station", "instrument_height", "target_station", "target_height"),
-    *("value", "error", "error_factor", "datetime", "datetime_format", "projection", "id", "note", "rejected"),
-    *("reference_frame", "refraction_coefficient", "bearing_orientation_error", "distance_scale_factor"),
-    *("vector_error_type", "distance_error_type", "angle_format", "angle_error_type"),
-    *("zenith_distance_error_type", "height_difference_error_type"),
-}
-_STATION = {
-    *("code", "name", "coordinate_system", "longitude", "latitude", "height", "geoid_undulation"),
-    *("deflection_east", "deflection_north", "height_type", "angle_format"),
-}
-_ALSO = {
-    "easting": "longitude",
-    "x": "longitude",
-    "northing": "latitude",
-    "y": "latitude",
-    "z": "height",
-    "time": "datetime",
-    "time_format": "datetime_format",
-    "angle_error_unit": "angle_error_units",
-}
-_FORMS = {"degrees": "deg", "dms_angles": "dms", "hp_angles": "hp"}
-_MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 
 @dataclass
@@ -110,9 +87,30 @@ def definition_of(path: Path, options: dict[str, str], draft: Draft) -> Definiti
     found = Definition(path, options)
     block = found.station
     lookup: dict[str, str] | None = None
+    of_station = {
+        *("code", "name", "coordinate_system", "longitude", "latitude", "height", "geoid_undulation"),
+        *("deflection_east", "deflection_north", "height_type", "angle_format"),
+    }
+    of_observation = {
+        *("type", "set_id", "instrument_station", "instrument_height", "target_station", "target_height"),
+        *("value", "error", "error_factor", "datetime", "datetime_format", "projection", "id", "note", "rejected"),
+        *("reference_frame", "refraction_coefficient", "bearing_orientation_error", "distance_scale_factor"),
+        *("vector_error_type", "distance_error_type", "angle_format", "angle_error_type"),
+        *("zenith_distance_error_type", "height_difference_error_type"),
+    }
+    also = {
+        "easting": "longitude",
+        "x": "longitude",
+        "northing": "latitude",
+        "y": "latitude",
+        "z": "height",
+        "time": "datetime",
+        "time_format": "datetime_format",
+        "angle_error_unit": "angle_error_units",
+    }
     for number, text in enumerate(read_lines(path, draft), start=1):
         name, _, rest = text.strip().partition(" ")
-        name, rest = _ALSO.get(name.lower(), name.lower()), rest.strip()
+        name, rest = also.get(name.lower(), name.lower()), rest.strip()
         if not name or name.startswith("!"):
             continue
         if name == "end_lookup":
@@ -145,7 +143,7 @@ def definition_of(path: Path, options: dict[str, str], draft: Draft) -> Definiti
             block.columns += rest.lower().split()
         elif name == "ignore_missing_observations":
             block.omits_missing = True
-        elif name in (_STATION if block is found.station else _OBSERVATION | {"angle_error_units"}):
+        elif name in (of_station if block is found.station else of_observation | {"angle_error_units"}):
             block.values[name] = rest
         elif name not in ("format_name", "optional_columns", "required_configuration"):
             draft.problem(f"command {name!r} is not supported", number, str(path))
@@ -214,8 +212,9 @@ def _classes(columns: list[str], cells: dict[str, str]) -> dict[str, str]:
 
 def form_of(text: str) -> str:
     """``deg``, ``dms`` or ``hp``. Raises ``ValueError``."""
-    form = _FORMS.get(text.lower(), text.lower() or "deg")
-    if form not in _FORMS.values():
+    forms = {"degrees": "deg", "dms_angles": "dms", "hp_angles": "hp"}
+    form = forms.get(text.lower(), text.lower() or "deg")
+    if form not in forms.values():
         raise ValueError(f"found the form of angles {text!r}, expected degrees, dms or hp")
     return form
 
@@ -240,7 +239,8 @@ def date_by(text: str, form: str) -> datetime | None:
     try:
         month = parts.get("M", "1")
         if not month.isdigit():
-            month = str(_MONTHS.index(month[:3].lower()) + 1)
+            months = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+            month = str(months.index(month[:3].lower()) + 1)
         day = f"{parts['Y']} {parts['N']}" if "N" in parts else f"{parts['Y']} {month} {parts.get('D', '1')}"
         time = " ".join(parts.get(letter, "0") for letter in "hms")
         return datetime.strptime(f"{day} {time}", ("%Y %j" if "N" in parts else "%Y %m %d") + " %H %M %S")

@@ -130,9 +130,6 @@ def _sexagesimal(degrees: float, minutes: float, seconds: float) -> float:
 
 # ---- σ of observations that come from commands (#ds_error 20 mm 10 ppm), not from their lines.
 
-_METRES = {"mm": 1e-3, "m": 1.0}
-_SECONDS = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
-
 
 class Error(NamedTuple):
     """Parts of a σ that are added as squares."""
@@ -161,14 +158,16 @@ class Error(NamedTuple):
 def error_of(words: WordReader) -> Error:
     """The σ that a command says: numbers with their units. Raises ``ValueError``."""
     found = dict.fromkeys(Error._fields, 0.0)
+    seconds = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
+    metres = {"mm": 1e-3, "m": 1.0}
     while words:
         value, unit = words.number("a number"), words.take("a unit").lower()
         if value < 0.0:
             raise ValueError(f"found {value:g}, expected an error of 0 or more")
-        if unit in _SECONDS:
-            found["seconds"] = value * _SECONDS[unit]
-        elif unit in _METRES:
-            found["metres"] = float(np.hypot(found["metres"], value * _METRES[unit]))
+        if unit in seconds:
+            found["seconds"] = value * seconds[unit]
+        elif unit in metres:
+            found["metres"] = float(np.hypot(found["metres"], value * metres[unit]))
         elif unit == "mmrkm" and words.skip("sqrt"):  # per root of the length of a levelling line in km
             length = words.number("the length of a levelling line")
             if length < 0.0:
@@ -203,17 +202,14 @@ class VectorError(NamedTuple):
         return VectorError(self.common, self.common_ppm).variances(distance)
 
 
-_VECTOR_UNITS = {
-    "GB": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "ppm": ("ppm", 1.0)},
-    "GX": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "mmr": ("common", 1e-3), "ppmr": ("common_ppm", 1.0)},
-}
-"""Fields of an error, and their factors, by data type and unit."""
-
-
 def vector_error_of(words: WordReader, code: str) -> VectorError:
     """Errors of ``20 30 50 mm 10 25 100 ppm`` of a data type. Raises ``ValueError``."""
     found: dict[str, tuple[float, ...]] = {}
-    units = _VECTOR_UNITS[code]
+    # Fields of an error, and their factors, by data type and unit.
+    units = {
+        "GB": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "ppm": ("ppm", 1.0)},
+        "GX": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "mmr": ("common", 1e-3), "ppmr": ("common_ppm", 1.0)},
+    }[code]
     while words:
         values = [words.number("errors east, north and up") for _ in range(3)]
         unit = words.take("a unit").lower()
@@ -229,41 +225,15 @@ def vector_error_of(words: WordReader, code: str) -> VectorError:
 # ---- Station coordinate files: places in the coordinate system of the adjustment, with geoid heights and deflections.
 
 _CIRCUITS = (
-    ("EDEN", 5),
-    ("PLEN", 6),
-    ("POVE", 7),
-    ("HAWK", 8),
-    ("TARA", 9),
-    ("TUHI", 10),
-    ("WANG", 11),
-    ("WAIR", 12),
-    ("WELL", 13),
-    ("COLL", 14),
-    ("NELS", 15),
-    ("KARA", 16),
-    ("BULL", 17),
-    ("GREY", 18),
-    ("AMUR", 19),
-    ("MARL", 20),
-    ("HOKI", 21),
-    ("OKAR", 22),
-    ("JACK", 23),
-    ("PLEA", 24),
-    ("GAWL", 25),
-    ("TIMA", 26),
-    ("LIND", 27),
-    ("NICH", 28),
-    ("YORK", 29),
-    ("OBSE", 30),
-    ("TAIE", 31),
-    ("BLUF", 32),
+    *("EDEN", "PLEN", "POVE", "HAWK", "TARA", "TUHI", "WANG", "WAIR", "WELL", "COLL", "NELS", "KARA", "BULL", "GREY"),
+    *("AMUR", "MARL", "HOKI", "OKAR", "JACK", "PLEA", "GAWL", "TIMA", "LIND", "NICH", "YORK", "OBSE", "TAIE", "BLUF"),
 )
-"""Letters of the meridional circuits of New Zealand, and the last digits of EPSG codes: 272.. of 1949, 21.. of 2000."""
+"""Letters of the meridional circuits of New Zealand; their EPSG codes count from 27205 (of 1949) and 2105 (of 2000)."""
 PROJECTIONS = {
     "NZMG": "EPSG:27200",
     "NZTM": "EPSG:2193",
-    **{f"{name}TM1949": f"EPSG:{27200 + number}" for name, number in _CIRCUITS},
-    **{f"{name}TM2000": f"EPSG:{2100 + number}" for name, number in _CIRCUITS},
+    **{f"{name}TM1949": f"EPSG:{code}" for code, name in enumerate(_CIRCUITS, 27205)},
+    **{f"{name}TM2000": f"EPSG:{code}" for code, name in enumerate(_CIRCUITS, 2105)},
 }
 SYSTEMS = {
     "NZGD1949": "EPSG:4272",
@@ -286,16 +256,6 @@ def projection_of(name: str) -> str:
     if name.upper() not in PROJECTIONS:
         raise ValueError(f"projection {name!r} is not known{nearest(name.upper(), PROJECTIONS)}")
     return PROJECTIONS[name.upper()]
-
-
-_OPTIONS = {
-    *("orthometric_heights", "ellipsoidal_heights", "degrees"),
-    *("deflections", "geoid_heights", "geoid", "station_orders"),
-    *("no_deflections", "no_geoid_heights", "no_geoid", "no_station_orders"),
-}
-
-_COLUMNS = {"deflections": ["deflection_north", "deflection_east"], "geoid_heights": ["geoid_undulation"]}
-"""Columns behind a height that an option announces, in their order."""
 
 
 class SnapStation(NamedTuple):
@@ -351,12 +311,16 @@ def read_stations(path: Path, draft: Draft, form: Definition | None) -> StationF
     """Stations of a coordinate file, of a delimited one by its definition. Raises :class:`InputError`."""
     lines = [line for line in lines_of(path, draft) if line.words] if form is None else _divided(path, form, draft)
     if len(lines) < 2:
-        words = "expected a title, a coordinate system and stations"
-        raise InputError([Message(words, str(path), len(lines) or 1)])
+        raise InputError([Message("expected a title, a coordinate system and stations", str(path), len(lines) or 1)])
     code = lines[1].words[0]
     crs, frame = _system(code, path, lines[1].number)
     given = [word.lower() for word in lines[2].words] if len(lines) > 2 else []
-    has_options = bool(given) and (given[0] == "options" or given[0] in _OPTIONS)
+    known_options = {
+        *("orthometric_heights", "ellipsoidal_heights", "degrees"),
+        *("deflections", "geoid_heights", "geoid", "station_orders"),
+        *("no_deflections", "no_geoid_heights", "no_geoid", "no_station_orders"),
+    }
+    has_options = bool(given) and (given[0] == "options" or given[0] in known_options)
     options = given[given[0] == "options" :] if has_options else ["geoid"]
     classes = [
         "order" if word == "station_orders" else word[2:]
@@ -401,7 +365,9 @@ def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
     classes = list(dict.fromkeys(name for record in found for name in record.classes))
     options = ["options", "degrees", f"{heights.pop()}_heights", *(f"c={name}" for name in classes)]
     optional = []
-    for option, columns in _COLUMNS.items():
+    # Columns behind a height that an option announces, in their order.
+    more_columns = {"deflections": ["deflection_north", "deflection_east"], "geoid_heights": ["geoid_undulation"]}
+    for option, columns in more_columns.items():
         if given & set(columns):
             options.append(option)
             optional += columns
@@ -547,9 +513,6 @@ def _stations_of(word: str, words: WordReader, stations: StationFile, strict: bo
     return set()
 
 
-_RING = re.compile(r"\(([^()]+)\)")
-
-
 def _stations_in_area(code: str, file: str, stations: StationFile) -> set[str]:
     """Stations in an odd number of rings ``(x1 y1, x2 y2, …)`` of a file. Raises ``ValueError``."""
     path = stations.path.parent / file
@@ -563,7 +526,7 @@ def _stations_in_area(code: str, file: str, stations: StationFile) -> set[str]:
     geodetic = stations.system.ellipsoid.geodetic(stations.geocentric(list(stations.by_name)))
     points = np.degrees(geodetic[:, [1, 0]]) if geographic else system.from_geodetic(geodetic)[:, :2]
     inside = np.zeros(len(points), bool)
-    for ring in _RING.findall(" ".join(read_lines(path, Draft(str(path))))):
+    for ring in re.findall(r"\(([^()]+)\)", " ".join(read_lines(path, Draft(str(path))))):
         corners = np.array([[parse_number(one) for one in corner.split()[:2]] for corner in ring.split(",")])
         if geographic:
             points[:, 0] += 360.0 * np.round((corners[:, 0].mean() - points[:, 0]) / 360.0)
@@ -594,16 +557,14 @@ def _rank(code: str) -> list[tuple[int, str]]:
     return [(int(number or -1), text) for number, text in re.findall(r"(\d+)|(\D+)", code)]
 
 
-_DATES = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
-_TIMES = ("", "%H%M%S", "-%H:%M:%S", "T%H:%M:%S", "-%H:%M", "T%H:%M")
-
-
 def date_of(text: str) -> datetime | None:
     """The date, nothing for ``unknown``. Raises ``ValueError``."""
     if text.lower() == "unknown":
         return None
     plain = re.sub(r"[\s/]+", "-", text.strip())
-    for form in (date + time for date in _DATES for time in _TIMES):
+    dates = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
+    times = ("", "%H%M%S", "-%H:%M:%S", "T%H:%M:%S", "-%H:%M", "T%H:%M")
+    for form in (date + time for date in dates for time in times):
         try:
             return datetime.strptime(plain, form)
         except ValueError:
@@ -611,8 +572,7 @@ def date_of(text: str) -> datetime | None:
     try:
         return datetime.strptime(plain, "%Y")
     except ValueError:
-        words = f"found the date {text!r}, expected one such as 2008-01-13, 13 Jan 2008 or unknown"
-        raise ValueError(words) from None
+        raise ValueError(f"found the date {text!r}, expected one such as 2008-01-13, 13 Jan 2008 or unknown") from None
 
 
 class Period(NamedTuple):
@@ -975,10 +935,7 @@ KINDS = {
 }
 """By SNAP's letters."""
 _SETS = ("HA", "DR")
-_SIGMA = 3
-"""Where a row of them has its σ."""
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
-_CODES = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
 
 
@@ -1282,6 +1239,7 @@ def _data(data: Data, words: WordReader) -> None:
     """``#data sd error ha no_heights``: what stands on the lines that follow."""
     items: list[tuple[str, list[str]]] = []
     data.grouped, data.heights, data.header, data.prefix = False, True, None, []
+    codes = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
     while words:
         word = words.take("a data type")
         code = _code(word)
@@ -1294,7 +1252,7 @@ def _data(data: Data, words: WordReader) -> None:
             items[-1][1].append(words.take("the name of a classification").lower())
         elif not items and word.lower() in ("date", *data.classes):
             data.prefix.append(word.lower())
-        elif items and word.lower() in ("value", "error", "id", "date", "time", *_CODES, *data.classes):
+        elif items and word.lower() in ("value", "error", "id", "date", "time", *codes, *data.classes):
             items[-1][1].append(word.lower())
         else:
             raise ValueError(f"found {word!r}, expected a data type ({', '.join(KINDS)}) or one of its items")
@@ -1533,11 +1491,13 @@ def _one_step(one: Recode, other: Recode) -> Recode:
 
 def put_observations(data: Data) -> None:
     """Put the rows that were read into tables."""
+    # Where a row of them has its σ.
+    column_of_sigma = 3
     for members in data.in_sets.values():
         held = {id(one): one for _, selections in members for one in selections if one.kind == "by_set"}
         factor = _product(list(held.values()))
         for row, _ in members if held else []:
-            row.cells[_SIGMA] = repr(float(row.cells[_SIGMA] or 0.0) * factor)
+            row.cells[column_of_sigma] = repr(float(row.cells[column_of_sigma] or 0.0) * factor)
     for number, (one, file) in enumerate(data.translated, start=1):
         columns = _columns(len(one.rows[0].cells))
         keys = {"covariance": one.Q.tolist(), "instrument": f"translation {number}"}

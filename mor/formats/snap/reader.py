@@ -31,41 +31,14 @@ from mor.project.document import Document
 
 BOMFORD = 2.0
 """mor's coefficient of refraction per one of Bomford's, which SNAP has."""
-_USUAL = 0.075
 _OUTPUT = (
-    "list",
-    "output_csv",
-    "add_residual_column",
-    "summarize_errors_by",
-    "summarise_errors_by",
-    "summarize_residuals_by",
-    "summarise_residuals_by",
-    "error_type",
-    "output_coordinate_file",
-    "residual_format",
-    "define_residual_format",
-    "output_precision",
-    "number_of_worst_residuals",
-    "max_iterations",
-    "min_iterations",
-    "convergence_tolerance",
-    "max_adjustment",
-    "plot",
-    "flag_significance",
-    "redundancy_flag_level",
-    "file_location_frequency",
-    "sort_observations",
-    "sort_stations",
-    "output",
-    "coordinate_precision",
-    "spec_confidence",
-    "specification",
-    "test_specification",
-    "reorder_stations",
-    "use_zero_inverse",
-    "station_code_width",
-    "mde_power",
-    "magic_number",
+    *("list", "output_csv", "add_residual_column", "summarize_errors_by", "summarise_errors_by"),
+    *("summarize_residuals_by", "summarise_residuals_by", "error_type", "output_coordinate_file", "residual_format"),
+    *("define_residual_format", "output_precision", "number_of_worst_residuals", "max_iterations", "min_iterations"),
+    *("convergence_tolerance", "max_adjustment", "plot", "flag_significance", "redundancy_flag_level"),
+    *("file_location_frequency", "sort_observations", "sort_stations", "output", "coordinate_precision"),
+    *("spec_confidence", "specification", "test_specification", "reorder_stations", "use_zero_inverse"),
+    *("station_code_width", "mde_power", "magic_number"),
 )
 """Commands that say what SNAP writes, how it solves and when it stops."""
 _OBSERVATION_COMMANDS = (
@@ -75,17 +48,6 @@ _OBSERVATION_COMMANDS = (
     "classification",
     "set_observation_option",
 )
-_REASONS = {
-    "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
-    "deformation": "stations that move are not read; give data of one time",
-    "reference_frame": "its parameters are not read; add a frame to the project",
-    "gps_antenna_height": "write heights of antennas into the data file",
-    "configuration": "write its commands into this file",
-    "station_offset_file": "give data of the mark itself",
-}
-"""Hints for commands that are known but not supported."""
-_HELD = 1e-6
-"""σ (m) of what is held in part."""
 
 
 class _Command(NamedTuple):
@@ -125,7 +87,7 @@ class _Commands:
     float_errors: tuple[float, float] = (1.0, 1.0)
     refraction: dict[str, tuple[float, bool]] = field(default_factory=dict)
     """Coefficients by code, and whether they are unknowns."""
-    usual: float = _USUAL
+    usual: float = 0.075
     sigmas: dict[str, tuple[float | None, float | None]] = field(default_factory=dict)
     """σ (m) of stations, horizontal and vertical: 0 where they are fixed, nothing where they are free."""
 
@@ -195,8 +157,17 @@ def _commands(path: Path, draft: Draft) -> _Commands:
     found = _Commands()
     ignored: dict[str, tuple[int, str]] = {}
     _read_commands(found, path, draft, ignored, [])
+    # Hints for commands that are known but not supported.
+    reasons = {
+        "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
+        "deformation": "stations that move are not read; give data of one time",
+        "reference_frame": "its parameters are not read; add a frame to the project",
+        "gps_antenna_height": "write heights of antennas into the data file",
+        "configuration": "write its commands into this file",
+        "station_offset_file": "give data of the mark itself",
+    }
     for name, (first, file) in ignored.items():
-        reason = f": {_REASONS[name]}" if name in _REASONS else ""
+        reason = f": {reasons[name]}" if name in reasons else ""
         draft.problem(f"command {name!r} is not supported{reason}", first, file)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"
@@ -242,22 +213,20 @@ def _file_of(words: WordReader, path: Path) -> Path:
     return path.parent / words.take("the name of a file").strip("\"'")
 
 
-_PARTS = ("coordinates", "classes", "existing_classes", "stations")
-
-
 def _added(path: Path, name: str, words: WordReader) -> tuple[Path, set[str]]:
     """Another coordinate file, and what is taken from it: of another coordinate_file its new stations."""
     parts = {"stations"} if name == "coordinate_file" else set()
+    kinds_of_parts = ("coordinates", "classes", "existing_classes", "stations")
     while name == "add_coordinate_file" and not words.skip("from"):
         part = words.take("from").lower()
         if part == "epoch":
             words.take("a date")
-        elif part in _PARTS:
+        elif part in kinds_of_parts:
             parts.add(part)
         else:
-            raise ValueError(f"found {part!r}, expected {', '.join(_PARTS)} or from")
+            raise ValueError(f"found {part!r}, expected {', '.join(kinds_of_parts)} or from")
     if not parts:
-        raise ValueError(f"found no option before from, expected {', '.join(_PARTS)}")
+        raise ValueError(f"found no option before from, expected {', '.join(kinds_of_parts)}")
     return _file_of(words, path), parts
 
 
@@ -304,7 +273,16 @@ def _command(found: _Commands, path: Path, name: str, words: WordReader, places:
         else:
             found.stations, found.form = file, form
     elif name == "mode":
-        _mode(found, words)
+        while words:
+            word = words.take("a mode").lower()
+            if word in ("adjustment", "adjust", "data_check", "free_net", "free_net_adjustment"):
+                found.mode = word
+            elif word in ("1d", "2d", "3d"):
+                found.dimensions = word
+            else:
+                raise ValueError(
+                    f"mode {word} is not supported, expected 1d, 2d or 3d with adjustment, data_check or free_net"
+                )
     elif name in ("horizontal_float_error", "vertical_float_error"):
         value, (horizontal, vertical) = words.number("an error"), found.float_errors
         if not value > 0.0:
@@ -325,19 +303,6 @@ def _command(found: _Commands, path: Path, name: str, words: WordReader, places:
     else:
         return False
     return True
-
-
-def _mode(found: _Commands, words: WordReader) -> None:
-    while words:
-        word = words.take("a mode").lower()
-        if word in ("adjustment", "adjust", "data_check", "free_net", "free_net_adjustment"):
-            found.mode = word
-        elif word in ("1d", "2d", "3d"):
-            found.dimensions = word
-        else:
-            raise ValueError(
-                f"mode {word} is not supported, expected 1d, 2d or 3d with adjustment, data_check or free_net"
-            )
 
 
 def _recode(data: Data, words: WordReader) -> None:
@@ -457,18 +422,19 @@ def _put_stations(data: Data, commands: _Commands) -> None:
     units = {name: "deg" for name in own if name in ("latitude", "longitude")}
     units |= dict.fromkeys(columns[-2:], "arcsec") if stations.deflections else {}
     in_part = False
+    # σ (m) of what is held in part.
+    exact = 1e-6
     for ((horizontal, vertical), path), rows in tables.items():
         held = horizontal == 0.0 and vertical == 0.0
         observed = [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
         in_part |= 0.0 in (value for _, value in observed)
-        given = [(column, repr(value or _HELD)) for column, value in observed if value is not None]
+        given = [(column, repr(value or exact)) for column, value in observed if value is not None]
         cells = [Row([*row.cells, *(value for _, value in given)], row.line) for row in rows]
         names = [*columns, *(column for column, _ in given)]
         fixed = ["x", "y", "z"] if held else []
         draft.table("points", names, cells, str(path), units=units or None, fixed=fixed)
     if in_part:
-        words = f"coordinates that are fixed in part are observed with σ = {_HELD} m"
-        draft.note(words, 1, str(stations.path))
+        draft.note(f"coordinates that are fixed in part are observed with σ = {exact} m", 1, str(stations.path))
 
 
 def _sigma(commands: _Commands, name: str) -> tuple[float | None, float | None]:

@@ -40,9 +40,7 @@ from mor.units import ANGLE_UNITS, Quantity
 # ---- Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
 
 VECTORS = ("gnss_vector", "gnss_position")
-_CODES = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
 TYPES = tuple(dict.fromkeys(kind.type for kind in KINDS.values()))
-NO_REFRACTION = "NONE"
 
 
 class Writing(NamedTuple):
@@ -106,7 +104,8 @@ def _heights(writing: Writing, group: ObservationTable, references: dict[str, st
 
 
 def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
-    code = _CODES[group.entry.type]
+    codes = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
+    code = codes[group.entry.type]
     kind = KINDS[code]
     ends = ("point",) if kind.point else ("from", "to")
     names = [group.rows.text(name) for name in ends]
@@ -129,7 +128,7 @@ def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
 
 def refraction_code(instrument: str | None) -> str:
     """SNAP's code of the refraction of an instrument."""
-    return instrument.removeprefix("refraction ").replace(" ", "_").upper() if instrument else NO_REFRACTION
+    return instrument.removeprefix("refraction ").replace(" ", "_").upper() if instrument else "NONE"
 
 
 def _projection(writing: Writing, group: ObservationTable) -> str:
@@ -239,11 +238,6 @@ def _lower(Q: FloatArray) -> Iterator[str]:
 
 # ---- A network on the earth as SNAP's command file, coordinate file and data file.
 
-_LONGEST = 15
-"""Letters of a station's code (help of SNAP, *Station codes*)."""
-_DEGREES, _METRES = (12, 3e-14), (9, 1e-9)
-"""Decimals of coordinates, and what the way through the network takes of them."""
-
 
 def write_snap(document: Document, folder: Path, target: Path) -> Written:
     """``.snp``, ``.crd`` and ``.dat``. Raises :class:`InputError` for what they cannot say."""
@@ -326,9 +320,11 @@ def _name(system: ReferenceSystem) -> tuple[str, str]:
 
 def _check_points(points: EarthPoints, file: str) -> None:
     problems = []
+    # Letters of a station's code (help of SNAP, *Station codes*).
+    longest = 15
     for name, held in zip(points.ids, points.held.tolist(), strict=True):
-        if not name or len(name) > _LONGEST or set(name) & set(" \t!-") or name[0] in "#*&":
-            words = f"SNAP's codes have up to {_LONGEST} letters, no blanks, ! and -, and do not begin with #, * or &"
+        if not name or len(name) > longest or set(name) & set(" \t!-") or name[0] in "#*&":
+            words = f"SNAP's codes have up to {longest} letters, no blanks, ! and -, and do not begin with #, * or &"
             problems.append(Message(f"{name!r}: {words}", file))
         if any(held) and not all(held):
             words = f"point {name!r} is held in some components only: SNAP's files are written with all or none"
@@ -349,7 +345,9 @@ def _coordinates(points: EarthPoints, world: EarthModel) -> list[str]:
     options += ["degrees"] if geographic else []
     lines = [f"options {' '.join(options)}"]
     units = np.array([np.degrees(1.0)] * 2 + [1.0]) if geographic else np.ones(3)
-    digits = [_DEGREES, _DEGREES, _METRES] if geographic else [_METRES] * 3
+    # Decimals of coordinates, and what the way through the network takes of them.
+    degrees, metres = (12, 3e-14), (9, 1e-9)
+    digits = [degrees, degrees, metres] if geographic else [metres] * 3
     seconds = (points.deflections / ANGLE_UNITS["arcsec"]).tolist()
     for name, given, two, N in zip(
         points.ids, (points.given * units).tolist(), seconds, np.nan_to_num(points.geoid).tolist(), strict=True
@@ -374,14 +372,10 @@ def _commands(content: Content, points: EarthPoints, stem: str) -> list[str]:
     used = {entry.instrument for entry in content.project.observations if entry.type == "zenith_angle"}
     for name in sorted(used, key=str):
         instrument = content.project.instruments.get(name) if name else None
-        lines.append(_refraction(content, refraction_code(name), instrument))
+        # A coefficient of Bomford's, which is half of ours; known, or an unknown.
+        setting = instrument.refraction if instrument is not None else None
+        free = isinstance(setting, Value) and setting.free is not None
+        text = (setting.free or setting.fixed) if isinstance(setting, Value) else setting
+        value = content.edge.number(str(text or "0"), Quantity()) / BOMFORD
+        lines.append(f"refraction_coefficient {refraction_code(name)} {value!r}{' calculate' if free else ''}")
     return lines
-
-
-def _refraction(content: Content, code: str, instrument: Instrument | None) -> str:
-    """A coefficient of Bomford's, which is half of ours; known, or an unknown."""
-    setting = instrument.refraction if instrument is not None else None
-    free = isinstance(setting, Value) and setting.free is not None
-    text = (setting.free or setting.fixed) if isinstance(setting, Value) else setting
-    value = content.edge.number(str(text or "0"), Quantity()) / BOMFORD
-    return f"refraction_coefficient {code} {value!r}{' calculate' if free else ''}"
