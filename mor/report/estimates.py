@@ -237,7 +237,6 @@ def reference_table(solved: Solved) -> pl.DataFrame:
 @once
 def image_table(solved: Solved) -> pl.DataFrame:
     """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
-    things = solved.network.things["image"]
     images = solved.network.things["image"]
     count = np.zeros(len(images.ids), dtype=np.int64)
     square = np.zeros(len(images.ids))
@@ -252,8 +251,8 @@ def image_table(solved: Solved) -> pl.DataFrame:
     rms = np.sqrt(square / np.maximum(2 * count, 1)) if solved.quality is not None else np.full(len(count), np.nan)
     return _frame(
         {
-            "id": list(things.ids),
-            "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
+            "id": list(images.ids),
+            "camera": [solved.network.things["camera"].ids[k] for k in images.parts["camera"]],
             **_image_poses(solved),
             "points": count,
             "rms": np.where(count > 0, rms, np.nan),
