@@ -493,8 +493,8 @@ def without_suspects(
 def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
-    # Where half of the observations are farther off than the widest weights reach, there is nothing to leave out.
-    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > WIDEST:
+    # From a robust σ of 10⁴ σ on not even half of the observations fit, whatever is left out.
+    if plain.outcome is not Outcome.CONVERGED and robust_scales(plain.problem, found.sizes).overall > 1e4:
         return from_far()._replace(robust=found.values)
     first = _attempt(plain, found, settings, watch, from_far)
     if first is None:
@@ -567,6 +567,8 @@ def _attempt(
     """Return the adjustment of all observations, or of those that fit the weights; ``None`` if neither converges."""
     problem = plain.problem
     scale = robust_scales(problem, found.sizes).overall
+    if plain.outcome is not Outcome.CONVERGED and scale > WIDEST:
+        return None  # half of the observations are farther off than the widest weights reach
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
         return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
