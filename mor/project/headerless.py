@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from pathlib import Path
+from statistics import pstdev
 
 from mor.errors import InputError, Message
-from mor.project.column_names import NUMBER, Cells, cell_at, kinds_of, named_columns, number_in
+from mor.project.column_names import NUMBER, Cells, cell_at, fits_a_table, kinds_of, named_columns, number_in
 
 _CLOSE = 1e-3
 """Part of a length by which what is equal may differ."""
@@ -34,30 +36,91 @@ class HeaderlessError(InputError):
 def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
     """Return the mistake with values of each column, and a command with names that the columns may have."""
     blocks = [tuple(block) for _, block in groupby(rows, key=len)]
-    by_width = {len(block[0]): block for block in reversed(blocks)}
     columns, options = list[str](), list[str]()
-    listed = {row[0]: len(row) for row in rows if len(row) == min(by_width)} if len(by_width) > 1 else {}
+    widths = Counter(map(len, rows))
+    kept = without_counts(rows)
+    listed = {row[0]: len(row) for row in rows if len(row) == min(widths)} if len(widths) > 1 else {}
     told = _names_below_others(blocks)
-    for width, block in sorted(by_width.items())[:3]:
+    for width in sorted(sorted(widths, key=lambda own: -widths[own])[:3]):
+        some = [row for row in kept if len(row) == width] or [row for row in rows if len(row) == width]
         for k in range(width):
-            values = ", ".join(dict.fromkeys(cell_at(row, k) for row in block[:3]))
-            columns.append(f"{k + 1}/{width}: {values}" if len(by_width) > 1 else f"{k + 1}: {values}")
-        likely = told.get(width) or _likely_names(path, block, listed)
-        is_count = block is blocks[0] and len(block) == 1 and cell_at(block[0], 0).isdecimal()
-        if len(by_width) > 1 and width not in told and (is_count or not kinds_of(named_columns(likely))):
-            likely = ["-"] * width  # as counts of what follows
-        if {*likely} - {"-"} or len(by_width) > 1:
+            values = ", ".join(dict.fromkeys(cell_at(row, k) for row in some[:3]))
+            columns.append(f"{k + 1}/{width}: {values}" if len(widths) > 1 else f"{k + 1}: {values}")
+        if some[0] not in kept:
+            continue
+        likely = told.get(width) or _likely_names(path, tuple(some), listed)
+        if len(widths) > 1 and width not in told and (told or not kinds_of(named_columns(likely))):
+            likely = ["-"] * width
+        if {*likely} - {"-"} or len(widths) > 1:
             options.append(f"--columns {path.name} {','.join(likely)}")
-    if all("," not in option or {*option.split()[-1].split(",")} == {"-"} for option in options):
-        options = []
     words = "expected a header with the names of the columns in the first line"
     if columns:
         words = f"expected a header with the names of the columns, which are {'; '.join(columns)}"
-        command = f"mor new PROJECT {path.name} {' '.join(options)}"
-        words = f"{words}; or give their names, as in {command}" if options else f"{words}; none of them names points"
+    command = f"mor new PROJECT {path.name} {' '.join(options)}"
+    titles = titles_of_sections(rows)
+    if not told and (len(titles) > 1 or any(title[0] == "[" for title in titles)):
+        words = f"this text has sections whose columns have no names ({', '.join(titles)}); {_APART}"
+    elif mixed := _mixed(kept):
+        words = f"this text has no header, and rows of {mixed} cells hold different things; {_APART}"
+    elif len(set(map(len, kept))) > 3:
+        words = f"this text has no header, and rows of more than three lengths; {_APART}"
+    elif _is_image_pair(kept):
+        words = f"{words}; image coordinates of two images go to mor orient relative (columns point, x1, y1, x2, y2)"
+    elif columns and any({*option.split()[-1].split(",")} - {"-"} for option in options):
+        words = f"{words}; or give their names, as in {command}"
+    elif columns:
+        words = f"{words}; none of them names points"
     mistake = HeaderlessError([Message(words, str(path), line)])
     mistake.rows = rows
     return mistake
+
+
+_APART = "write each table to a file of its own, with the names of its columns in the first line"
+
+
+def without_counts(rows: Cells) -> Cells:
+    """Rows without a first one that counts those of tables below it."""
+    numbers = rows[0] if rows and all(NUMBER.fullmatch(cell.strip()) for cell in rows[0]) else ()
+    counts = {len(tuple(block)) for _, block in groupby(rows[1:], key=len)} - {1}
+    is_count = len(set(map(len, rows))) > 1 and any(int(n) in counts for n in map(str.strip, numbers) if n.isdecimal())
+    return rows[1:] if is_count and len(rows[0]) > 1 else rows
+
+
+def titles_of_sections(rows: Cells) -> list[str]:
+    """Titles of sections without headers: words in brackets, or else one to three words in a row above numbers."""
+    lines = [" ".join(row).strip() for row in rows]
+    return [line for line in lines if re.fullmatch(r"\[\w+\]", line)] or [
+        line
+        for line, row, below in zip(lines, rows, rows[1:], strict=False)
+        if 0 < len(line.split()) < 4 and len(row) < 4 and not re.search(r"\d", line)
+        if any(map(NUMBER.fullmatch, below)) and not fits_a_table(row)
+    ]
+
+
+def _mixed(rows: Cells) -> int:
+    """Return the length of rows that have names and decimals in one column; 0 if there are none."""
+    for width in sorted(set(map(len, rows))):
+        for k in range(width):
+            cells = [row[k].strip() for row in rows if len(row) == width]
+            if any(cell[:1].isalpha() for cell in cells) and any(
+                "." in cell and NUMBER.fullmatch(cell) for cell in cells
+            ):
+                return width
+    return 0
+
+
+def _is_image_pair(rows: Cells) -> bool:
+    """Return whether rows are points with their coordinates in two images, which differ by nearly the same parallax."""
+    if len(rows) < 5 or {len(row) for row in rows} != {5}:
+        return False
+    values = [[number_in(cell.strip()) for cell in row[1:]] for row in rows]
+    if any(None in row for row in values):
+        return False
+    x1, y1, x2, y2 = ([row[k] or 0.0 for row in values] for k in range(4))
+    return all(
+        pstdev([b - a for a, b in zip(one, other, strict=True)]) < 0.5 * pstdev(one)
+        for one, other in ((x1, x2), (y1, y2))
+    )
 
 
 def _names_below_others(blocks: Sequence[Cells]) -> dict[int, list[str]]:
@@ -95,6 +158,7 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
         return ["-", *_likely_names(path, tuple(row[1:] for row in rows), listed)]
     sexagesimal = next((k for k in range(1, len(columns) - 2) if _are_sexagesimal(columns[k : k + 3])), 0)
     is_name = [not all(map(NUMBER.fullmatch, cells)) or all(map(str.isdecimal, cells)) for cells in columns]
+    is_name[0] |= len(set(columns[0])) == len(rows) and all(cell.lstrip("-").isdecimal() for cell in columns[0])
     names = next((k for k, is_one in enumerate(is_name) if not is_one), len(columns))
     names = min(names, sexagesimal or names, 3)
     falls = [any(cell.startswith("-") for cell in cells) for cells in columns[names:]]

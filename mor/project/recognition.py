@@ -45,7 +45,7 @@ from mor.project.column_names import (
     number_in,
 )
 from mor.project.document import plain
-from mor.project.headerless import headerless, with_names_apart
+from mor.project.headerless import headerless, titles_of_sections, with_names_apart, without_counts
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.project.tidying import (
     TableRows,
@@ -229,8 +229,12 @@ def _recognise(path: Path, sheet: str | None, names: Sequence[Sequence[str]]) ->
 
 def _of_several_widths(path: Path, cells: _File, names: Sequence[Sequence[str]]) -> list[Found]:
     """Tables of rows of different lengths; a row that only names a station or an image is part of those below it."""
+    filled = tuple(full for row in cells.rows if (full := tuple(filter(None, map(str.strip, row)))))
+    begin = len(cells.rows) - len(without_counts(filled)) if len(filled) == len(cells.rows) else 0
+    cells = cells._replace(rows=cells.rows[begin:], lines=cells.lines[begin:])
+    counts = ("the first row counts rows of the tables below it: not used",) if begin else ()
     above = [own for own in names if {"station", "image"} & {*own} and not kinds_of(named_columns(own))]
-    parts, notes = list[list[Found]](), list[str]()
+    parts, notes = list[list[Found]](), list[str](counts)
     for own in names:
         rows = _of_width(cells, len(own))
         if {*own} <= {"", "-"}:
@@ -238,8 +242,11 @@ def _of_several_widths(path: Path, cells: _File, names: Sequence[Sequence[str]])
         elif above and own is not above[0] and not {"station", "image"} & {*own}:
             joined = _below(cells, len(above[0]), len(own))
             parts.append(_of_rows(path, _with_header(path, joined, (*above[0], *own))))
-        elif own not in above or len(names) == 1:
+        elif own not in above:
             parts.append(_of_rows(path, _with_header(path, rows, own)))
+    widths = {len(own) for own in names}
+    if left := sum(len(row) not in widths for row in filled[begin:]):
+        notes.append(f"{counted(left, 'row')} of other lengths than --columns names not used")
     return [
         t._replace(part=f"{t.kind}_{k}", tidied=True, notes=(*notes, *t.notes))
         for k, part in enumerate(parts, 1)
@@ -305,6 +312,8 @@ def _with_header(path: Path, cells: _File, names: Sequence[str]) -> _File:
     if not all(fits) or not body:
         found, line = (widths[fits.index(False)], cells.lines[start + fits.index(False)]) if body else (0, 0)
         words = f"found {found} columns, expected {len(names)} as --columns names them ({', '.join(names)})"
+        if not body:
+            words = f"no row has {len(names)} cells, as --columns names them ({', '.join(names)})"
         raise InputError([Message(words, str(path), line)])
     unused = (f"column{k}" for k in range(1, width + 1))
     header = tuple(own if own not in ("", "-") else other for own, other in zip_longest(names, unused, fillvalue=""))
@@ -370,6 +379,8 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     if {"x", "y", "X", "Y"} <= set(header) and "image" not in kinds:
         words = "x, y beside X, Y: image coordinates need a column with the name of their image"
         raise InputError([Message(words, str(path), line)])
+    if not kinds and len(titles_of_sections(rows)) > 1:
+        raise headerless(path, rows, line)
     if not kinds:
         known = [columns_that_are_known(row) for row in rows[:TITLES]]
         likely = max(range(len(known)), key=lambda k: (known[k] > 1) * known[k])  # the first row may be a title

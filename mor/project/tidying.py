@@ -37,6 +37,7 @@ from mor.project.column_names import (
     normalised,
     number_in,
 )
+from mor.project.headerless import titles_of_sections
 
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
@@ -233,6 +234,8 @@ def _with_set_ups_in_rows(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, t
 
 def _with_headers_of_points(rows: Cells, lines: tuple[int, ...]) -> tuple[Cells, tuple[int, ...]]:
     """Rows and lines with a header between a title such as "known points" and names with one to three coordinates."""
+    if any(not is_control(title.replace(" ", "")) for title in titles_of_sections(rows)):
+        return rows, lines
     found, numbers = list[tuple[str, ...]](), list[int]()
     for row, below, line in zip(rows, (*rows[1:], ()), lines, strict=False):
         found.append(row)

@@ -175,7 +175,7 @@ def test_rows_of_several_lengths_without_headers(tmp_path: Path) -> None:
     [
         (
             "7 3 0.005\nA 35.4\nB 45.7\n1 A C 8.22 4.0\n2 C B 2.06 2.0\n3 A B 10.28 2.0\n",
-            "id,z|-,-,-|-,from,to,dz,length",
+            "id,z|-,from,to,dz,length",
         ),
         ("1 A B A.obs-B.obs -366.6 -252.4 72.1\n2 A C A.obs-C.obs -509.2 22.3 -426.4\n", "-,from,to,-,dx,dy,dz"),
     ],
@@ -185,6 +185,39 @@ def test_proposed_columns_are_those_of_tables(tmp_path: Path, text: str, likely:
     options = [word for names in likely.split("|") for word in ("--columns", "t.txt", names)]
     assert mor("new", tmp_path / "p.yaml", tmp_path / "t.txt").err.rstrip().endswith(" ".join(options))
     assert mor("new", tmp_path / "p.yaml", tmp_path / "t.txt", *options).code == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            "2 3\nA 5597.9 1948.0\nB 5621.5 1984.7\nA 2\nB 0.0\n6 115.02\n1 4 15534.6\n1 C 15360.9\n",
+            "rows of 3 cells hold",
+        ),
+        (
+            "[STATION]\nA,10,5597.9,1948.0\nB,10,5621.5,1984.7\n[OBSER]\nA,B,0.0\nA,6,115.02\n",
+            r"\[OBSER\]",
+        ),
+        (
+            "CONTROL POINT\n1 50.2 246.1\n2 79.9 113.4\nDISTANCES\n15 164.2\n24 188.7\nANGLES\n521 93 15 5.4\n",
+            "DISTANCES",
+        ),
+        ("a 1.5 2.5\nb 7.5 4.5\na b 1.5 2.5\nc d e 4.5 2\na b c d 7.2 5\n1\n", "more than three lengths"),
+    ],
+)
+def test_several_tables_without_a_header_are_told_apart_by_the_user(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        recognise(tmp_path / "t.txt", text)
+    assert "write each table to a file of its own" in str(error.value)
+
+
+def test_image_coordinates_of_a_pair_go_to_the_relative_orientation(tmp_path: Path) -> None:
+    rows = "".join(
+        f"{100 + k} {k * 7 % 11 - 5.5} {k * 5 % 13 - 6} {k * 7 % 11 - 9.3} {k * 5 % 13 - 6.1 + k / 90}\n"
+        for k in range(9)
+    )
+    with pytest.raises(InputError, match="mor orient relative"):
+        recognise(tmp_path / "t.txt", rows)
 
 
 def test_sights_below_rows_of_their_stations(tmp_path: Path) -> None:
