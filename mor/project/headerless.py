@@ -36,7 +36,7 @@ class HeaderlessError(InputError):
 def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
     """Return the mistake with values of each column, and a command with names that the columns may have."""
     blocks = [tuple(block) for _, block in groupby(rows, key=len)]
-    columns, options = list[str](), list[str]()
+    columns, proposed = list[str](), list[list[str]]()
     widths = Counter(map(len, rows))
     kept = without_counts(rows)
     listed = {row[0]: len(row) for row in rows if len(row) == min(widths)} if len(widths) > 1 else {}
@@ -51,12 +51,10 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
         likely = told.get(width) or _likely_names(path, tuple(some), listed)
         if len(widths) > 1 and width not in told and (told or not kinds_of(named_columns(likely))):
             likely = ["-"] * width
-        if {*likely} - {"-"} or len(widths) > 1:
-            options.append(f"--columns {path.name} {','.join(likely)}")
+        proposed.append(likely)
     words = "expected a header with the names of the columns in the first line"
     if columns:
         words = f"expected a header with the names of the columns, which are {'; '.join(columns)}"
-    command = f"mor new PROJECT {path.name} {' '.join(options)}"
     titles = titles_of_sections(rows)
     if not told and (len(titles) > 1 or any(title[0] == "[" for title in titles)):
         words = f"this text has sections whose columns have no names ({', '.join(titles)}); {_APART}"
@@ -66,7 +64,9 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
         words = f"this text has no header, and rows of more than three lengths; {_APART}"
     elif _is_image_pair(kept):
         words = f"{words}; image coordinates of two images go to mor orient relative (columns point, x1, y1, x2, y2)"
-    elif columns and any({*option.split()[-1].split(",")} - {"-"} for option in options):
+    elif any({*names} - {"-"} for names in proposed):
+        options = " ".join(f"--columns {path.name} {','.join(names)}" for names in proposed)
+        command = f"mor new PROJECT {path.name} {options}"
         words = f"{words}; or give their names, as in {command}"
     elif columns:
         words = f"{words}; none of them names points"
