@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from pathlib import Path
-from statistics import pstdev
+from statistics import median, pstdev
 
 from mor.errors import InputError, Message
 from mor.project.column_names import NUMBER, Cells, cell_at, fits_a_table, kinds_of, named_columns, number_in
@@ -164,6 +164,7 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
     falls = [any(cell.startswith("-") for cell in cells) for cells in columns[names:]]
     is_network = names > 1 and not set(columns[0]).isdisjoint({*columns[1], *listed})
     is_short = any(0.0 < abs(number_in(cell) or 0.0) < 1.0 for cell in columns[min(names, len(columns) - 1)])
+    are_pixels = not any(falls) and all(median(number_in(v) or 0.0 for v in own) > 50.0 for own in columns[names:])
     told = next((meant for meant, form in _NAMES_OF_FILES if form.search(path.stem.lower())), "")
     if not names:
         return []
@@ -177,8 +178,9 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
         found = ["station", "to", "horizontal_d", "horizontal_m", "horizontal_s"]
     elif names < 2:
         found = ["id", "x", "y", "z"] if len(falls) > 1 else ["id", "z"]
-    elif len(falls) == 2 and (all(falls) or (not is_network and len(set(columns[0])) < len(columns[0]))):
-        found = ["image", "point", "x", "y"]
+    elif len(falls) == 2 and (all(falls) or are_pixels or (not is_network and len(set(columns[0])) < len(columns[0]))):
+        ends = ["image", "point"] if len(set(columns[0])) <= len(set(columns[1])) else ["point", "image"]
+        found = [*ends, "x", "y"]
     elif len(falls) > 2:
         found = ["from", "to", "dx", "dy", "dz"]
     elif told:

@@ -177,6 +177,8 @@ def test_rows_of_several_lengths_without_headers(tmp_path: Path) -> None:
             "7 3 0.005\nA 35.4\nB 45.7\n1 A C 8.22 4.0\n2 C B 2.06 2.0\n3 A B 10.28 2.0\n",
             "id,z|-,from,to,dz,length",
         ),
+        ("0 0 675.0 242.5\n0 1 1209.0 586.0\n1 0 354.0 447.5\n1 1 767.0 239.0\n1 2 90.0 77.0\n", "image,point,x,y"),
+        ("A1 101 391.3 99.5\nB8 101 408.0 296.3\nC1 101 451.2 76.7\nA1 102 371.3 93.5\n", "point,image,x,y"),
         ("1 A B A.obs-B.obs -366.6 -252.4 72.1\n2 A C A.obs-C.obs -509.2 22.3 -426.4\n", "-,from,to,-,dx,dy,dz"),
     ],
 )
