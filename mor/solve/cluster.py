@@ -28,12 +28,6 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
-_UNOBSERVED = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "10s",
-}
-"""Settings of Dask for local workers. By default each process watches itself, which takes up to a tenth of a core."""
 _LOST = "the scheduler is lost, and with it the tasks"
 
 
@@ -118,7 +112,13 @@ class ComputeCluster:
             return
         self.idle_since = self.idle_since or now
         if now - self.idle_since > _PATIENCE:
-            raise InputError([Message(_IDLE[workers])])
+            # Why nobody is at work, by whether there are workers.
+            idle = {
+                0: "all workers are lost, and no new ones have joined",
+                1: "the scheduler has tasks and workers, and gives them nothing to do",
+                None: "the scheduler has stopped answering",
+            }
+            raise InputError([Message(idle[workers])])
 
     def _at_work(self) -> tuple[bool, int | None]:
         """Return whether a worker is busy, and the number of workers; ``None`` if the scheduler does not answer."""
@@ -129,14 +129,6 @@ class ComputeCluster:
         except (TimeoutError, OSError):
             return False, None
         return any(told.values()), min(len(told), 1)
-
-
-_IDLE = {
-    0: "all workers are lost, and no new ones have joined",
-    1: "the scheduler has tasks and workers, and gives them nothing to do",
-    None: "the scheduler has stopped answering",
-}
-"""What is said where nobody has been at work, by whether there are workers."""
 
 
 @contextmanager
@@ -150,7 +142,13 @@ def local(count: int) -> Iterator[ComputeCluster]:
     _silence()
     security = Security.temporary()  # type: ignore[no-untyped-call]
     with ExitStack() as held:
-        held.enter_context(dask.config.set(_UNOBSERVED))
+        # By default each process watches itself, which takes up to a tenth of a core.
+        unobserved = {
+            "distributed.worker.profile.enabled": False,
+            "distributed.admin.tick.interval": "1s",
+            "distributed.admin.system-monitor.interval": "10s",
+        }
+        held.enter_context(dask.config.set(unobserved))
         try:
             cluster = held.enter_context(
                 LocalCluster(  # type: ignore[no-untyped-call]
