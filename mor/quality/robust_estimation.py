@@ -202,8 +202,6 @@ WIDEST, NARROWEST = 20.0, 3.0
 _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
 _FIRST_DAMPING = 1e-3
-_SMALLEST = 1e-10
-"""Least factor on a weight, so that the system stays regular. Residuals that exceed 1 σ even with it get less."""
 _SETTLED = 1e-3
 """Root mean square change of the factors after which they have settled."""
 
@@ -329,8 +327,10 @@ def _factors(
 ) -> tuple[FloatArray, ...]:
     squares = [_joint(group, size) ** 2 for group, size in zip(problem.groups, sizes, strict=True)]
     widths = [(multiple * scale) ** 2 for multiple, scale in zip(multiples, scales, strict=True)]
+    # So that the system stays regular. Residuals that exceed 1 σ even with this factor on their weight get less.
+    smallest = 1e-10
     return tuple(
-        np.maximum((width / (width + square)) ** 2, _SMALLEST / np.maximum(1.0, _SMALLEST * square))
+        np.maximum((width / (width + square)) ** 2, smallest / np.maximum(1.0, smallest * square))
         for square, width in zip(squares, widths, strict=True)
     )
 
@@ -375,7 +375,6 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
 # T. Krarup, J. Juhl, K. Kubik (1980): Götterdämmerung over least squares adjustment.
 
 Method = Literal["l1", "danish"]
-ROUNDS = 60
 
 
 class RobustSolution(NamedTuple):
@@ -406,7 +405,7 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
     stages: tuple[Method, ...] = ("l1",) if method == "l1" else ("l1", "danish")
     for stage in stages:
         settled = False
-        for _ in range(ROUNDS):
+        for _ in range(60):
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
             found = adjust(scaled, adjustment.values)
             if not found.outcome.is_solution:

@@ -46,7 +46,6 @@ def enumerated(names: Sequence[str], most: int, say: Translate) -> str:
 
 # ---- One free movement of a network that is a rotation about some line: which line, and which points lie on it.
 
-_SMALL = 1e-5
 _SHOWN = 4
 
 
@@ -67,12 +66,13 @@ def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     t, turn, scale = movement[:3], movement[3:6], movement[6]
     size = float(np.linalg.norm(turn))
     extent = float(np.ptp(points, axis=0).max())
-    if size == 0.0 or abs(scale) > _SMALL * size or abs(t @ turn) > _SMALL * size**2 * extent:
+    small = 1e-5
+    if size == 0.0 or abs(scale) > small * size or abs(t @ turn) > small * size**2 * extent:
         return None
     direction, through = turn / size, centre + np.cross(turn, t) / size**2
     away = points - through
     distance = np.linalg.norm(away - np.outer(away @ direction, direction), axis=1)
-    fixed = ~free.any(axis=1) & (distance < _SMALL * extent)
+    fixed = ~free.any(axis=1) & (distance < small * extent)
     ids = adjustment.problem.index.blocks["point"].ids
     names = [ids[i] for i in np.flatnonzero(fixed)]
     if names:
@@ -281,11 +281,10 @@ _CURES = {
     "attitude shift": "fix or observe the component or the boresight: both turn the attitudes of a strip alike",
     "time offset": "fix or observe the time offset: it shows only where the motion changes",
     "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
+    "knot": "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a "
+    "constancy or smoothness, or lay its knots further apart",
 }
-_KNOT = (
-    "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a constancy or "
-    "smoothness, or lay its knots further apart"
-)
+
 _SINGULARITIES_SHOWN = 6
 """Names told of one part or direction."""
 
@@ -588,4 +587,4 @@ def _is_far(kind: str, block: str) -> bool:
 
 def _cure(kind: str, block: str, say: Translate) -> str:
     kind = "point" if _is_far(kind, block) else kind
-    return say(_KNOT if thing_of(kind, block)[0] == "knot" else _CURES[kind.split("/")[0]])
+    return say(_CURES["knot" if thing_of(kind, block)[0] == "knot" else kind.split("/")[0]])
