@@ -213,8 +213,6 @@ def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray
 # and the same of attitudes with the small rotations θ between neighbouring knots, exp(−[θ]×) D₁ = D₂, instead of the
 # differences: rates of rotation, and their changes, about the axes of the trajectory.
 
-_ACCELERATION, _TURNING = Quantity(length=1, time=-2), Quantity(angle=1, time=-2)
-
 
 def _constant_position(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
     first, second = blocks
@@ -274,8 +272,14 @@ STEADINESS = {
     for type_ in (
         _type("constancy of position", "point", ("vx", "vy", "vz"), SPEED, _constant_position),
         _type("constancy of attitude", "rotation", ("rate_x", "rate_y", "rate_z"), TURN_RATE, _constant_attitude),
-        _type("smoothness of position", "point", ("ax", "ay", "az"), _ACCELERATION, _smooth_position),
-        _type("smoothness of attitude", "rotation", ("turn_ax", "turn_ay", "turn_az"), _TURNING, _smooth_attitude),
+        _type("smoothness of position", "point", ("ax", "ay", "az"), Quantity(length=1, time=-2), _smooth_position),
+        _type(
+            "smoothness of attitude",
+            "rotation",
+            ("turn_ax", "turn_ay", "turn_az"),
+            Quantity(angle=1, time=-2),
+            _smooth_attitude,
+        ),
     )
 }
 """Types by the keys of a trajectory that ask for them, as ("constancy", "position")."""
@@ -292,8 +296,6 @@ STEADINESS = {
 # each is multiplied with: ∂l/∂v = (t − t0) ∂l/∂X. The time is that of the row: a constant. Nothing else knows
 # of it.
 
-MOVING = "moving "
-"""What the keys of these types begin with."""
 BASIS = tuple(Component(name, NUMBER) for name in ("years since the reference", "sine", "cosine"))
 """Constants of a row: what the blocks of :data:`mor.model.parameters.MOTIONS` are multiplied with at its time."""
 
@@ -330,7 +332,7 @@ def moving(type_: ObservationType) -> ObservationType:
         for kind in MOTIONS
     )
     return type_._replace(
-        key=MOVING + type_.key,
+        key="moving " + type_.key,
         written=type_.name,
         slots=(*type_.slots, *further),
         constants=(*type_.constants, *BASIS),
