@@ -38,8 +38,6 @@ from mor.project.column_names import (
     number_in,
 )
 
-_ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
-"""Kind and column of vertical circles that read elevations, whose columns have the same names."""
 _PARTS = tuple(
     re.compile(f"(.*?)(?:{words})")
     for words in (
@@ -61,8 +59,6 @@ _HAIRS = tuple(
 _HAIRED_NAMES = {"back": NAMES.back.split("|"), "fore": NAMES.fore.split("|"), "between": NAMES.between.split("|")}
 _PLACE = re.compile(r"[(\[]?\s*([-+]?\d+(?:\.\d*)?)\s*[,;]\s*([-+]?\d+(?:\.\d*)?)\s*[)\]]?")
 """x and y in one cell."""
-_STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
-"""Columns that hold for the rows below as well, until another station stands there."""
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
 _PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
@@ -86,8 +82,6 @@ _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", 
 _LEGEND = re.compile(r"([^\W_]+)\s*[\[(=:]\s*([^\W_]+)")
 """What signs in a column mean, as its heading says: Known[n]/Unknown[u]."""
 _ROLE = re.compile("(?:point)?(?:type|status|role|class)")
-_ROLES = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new", "p": "free"}
-"""Letters of known and new points below a heading that says no more."""
 _FACES = {"": "", "1": "1", "2": "2"} | {
     word: face
     for face, words in (
@@ -495,7 +489,9 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     if not kinds_of(named):
         return _with_stations(header, body) or rows, stated
     columns: Mapping[str, str] = next(iter(kinds_of(named).values()))
-    places = [header.index(columns[name]) for name in _STATION if name in columns]
+    # Columns that hold for the rows below as well, until another station stands there.
+    kept = ("station", "at", "from", "station_height", "at_height", "from_height")
+    places = [header.index(columns[name]) for name in kept if name in columns]
     body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
     if not stated and not any(empty[1:]):
@@ -752,7 +748,8 @@ def with_sigmas(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
         if len(legend := _LEGEND.findall(header[k])) > 1:
             signs = {normalised(sign): normalised(word) for word, sign in legend}
         elif _ROLE.fullmatch(name):
-            signs = _ROLES
+            # The heading says no more.
+            signs = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new", "p": "free"}
         cells = [normalised(cell_at(row, k)) or cell_at(row, k) for row in body]
         cells = [signs.get(cell, cell) for cell in cells]
         axis_named = match["axis"] if match else ""
@@ -919,7 +916,9 @@ def _with_stations(header: tuple[str, ...], rows: Cells) -> Cells:
 
 def tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Change kinds of zenith angles, in place, to those of elevations where the readings are such."""
-    for kind, (other, column) in _ELEVATIONS.items():
+    # Kind and column of vertical circles that read elevations, whose columns have the same names.
+    elevations = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
+    for kind, (other, column) in elevations.items():
         old = "zenith" if kind == "zenith_directions" else kind
         if kind not in kinds:
             continue

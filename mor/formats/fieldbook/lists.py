@@ -202,7 +202,6 @@ class _Nikon:
 
 _DTM300 = re.compile(r"\s*[01]\s*,\s*[0-3]\s*,\s*[MFN][DGM]\s*,")
 _STATION_300 = re.compile(r"(.+?)-+([\d.]*)")
-_LENGTHS_300 = {"M": 1.0, "F": LENGTH_UNITS["us-ft"], "N": 0.3048}
 
 
 def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
@@ -214,6 +213,7 @@ def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
     of 6400 (M). Source: GeoEasy, which reads it.
     """
     with_place = 0
+    metres_by_unit = {"M": 1.0, "F": LENGTH_UNITS["us-ft"], "N": 0.3048}
     for line, text in lines:
         cells = _cells(text, 8)
         with book.draft.at(line):
@@ -225,7 +225,7 @@ def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
             if state != "1":
                 book.leave_out("records that were deleted", line)
                 continue
-            metres = _LENGTHS_300[units[0]]
+            metres = metres_by_unit[units[0]]
             if type_ == "0":
                 if not any(set_up.sights for set_up in book.set_ups):
                     book.angle = "deg" if units[1] == "D" else "gon"
