@@ -47,7 +47,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-OFFERED = 3
+
 _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""
 _PAIRS = 12
@@ -111,8 +111,7 @@ def score_tests(
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
     good += [one for one in (*joined, *_sigmas(quality)) if one.length > least]
-    good = [one for one in good if one.log_p < limit]
-    return tuple(_cause(one) for one in _distinct(good)[:OFFERED])
+    return _causes([one for one in good if one.log_p < limit])
 
 
 def score_tests_with_suspects(
@@ -156,7 +155,7 @@ def _explaining(
             gain = before - after
             cost = cost_of_choice(problem.observations, count, 0, 0.0)
             found.append(_Scored(one, np.ones(1), gain, gain - cost, float(log_p_chi2(gain, 1)), 0))
-    return tuple(_cause(one) for one in _distinct(found)[:OFFERED])
+    return _causes(found)
 
 
 def _after_step(quality: Quality) -> Quality:
@@ -902,6 +901,10 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
         if not inside:
             found.append(one)
     return found
+
+
+def _causes(found: Sequence[_Scored]) -> tuple[ScoredHypothesis, ...]:
+    return tuple(_cause(one) for one in _distinct(found)[:3])
 
 
 def _cause(one: _Scored) -> ScoredHypothesis:

@@ -95,10 +95,14 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
         yield np.repeat(poses + first_point, len(knots)), np.tile(knots, len(poses))
 
 
+_NAMED = ("image", "station", "system", "point")
+"""Things that name a part, in this order."""
+
+
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
-    for space in ("image", "station", "system", "point"):
+    for space in _NAMED:
         things = network.things[space]
         for name, position in zip(things.ids, things.parts["position"], strict=True):
             if absent[position]:
