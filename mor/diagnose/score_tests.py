@@ -47,7 +47,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-
 _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""
 _PAIRS = 12

@@ -272,7 +272,6 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
     """Hypotheses that are better than none beyond chance, or say what a single wrong observation is; the best first."""
     if situation.many_are_out:  # of a single observation only what explains all of it
         found = [one for one in found if len(one.hypothesis.rows) != 1 or nothing_is_left(one.fit)]
-
     good = _in_order(
         situation,
         [

@@ -370,7 +370,6 @@ def _document(content: bytes, path: Path) -> bytes:
 SIGMA = "0.02"
 """σ of control, m: the files say none."""
 
-_POLE = 90.0
 SYSTEM = re.compile(r"EPSG:\s*\d+|WGS\s*84\b|\+proj=|\+init=|PROJCS|GEOGCS|PROJCRS|GEOGCRS", re.IGNORECASE)
 """The coordinate system in the first line of a gcp_list.txt."""
 
@@ -506,7 +505,7 @@ def _read_list(
             z_or_none = z if words[2].lower() != "nan" else None
             name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
             x, y = (y, x) if latitude_first else (x, y)
-            if geographic and abs(y) > _POLE:
+            if geographic and abs(y) > 90.0:
                 draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
                 continue
             if geographic and shots is None:
@@ -538,7 +537,7 @@ def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:
             first, second = (abs(float(word)) for word in words[:2])
         except ValueError:
             continue
-        if second > _POLE >= first:
+        if second > 90.0 >= first:
             draft.note(f"{words[1]} is not a latitude: latitude is read as the first number", line, str(path))
             return True
     return False

@@ -302,7 +302,6 @@ def _mirror(matrix: FloatArray) -> None:
 # parent. Everything dense is LAPACK. A pivot that vanishes is set aside instead of failing: its unknown is
 # fixed at zero, and what remains is the factorisation of the matrix without its row and column.
 
-
 _NONE = np.empty(0, dtype=np.int64)
 _Front = tuple[FloatArray, FloatArray, FloatArray]
 

@@ -480,8 +480,6 @@ def projected_position(horizon: Horizon) -> ObservationType:
 #
 #     (E, N) = Σ c_ij T_i(ξ) T_j(η),   t = atan2(E_to − E_from, N_to − N_from).
 
-KEY = "projected_bearing"
-
 
 class ProjectionPolynomial(NamedTuple):
     """A projection as a polynomial over a rectangle of object coordinates."""
@@ -548,7 +546,7 @@ def projected_bearing(horizon: Horizon, plane: ProjectionPolynomial) -> Observat
 def open_projection() -> ObservationType:
     """The type before anything says which projection is meant."""
     slots = tuple(Slot("point", end, "position") for end in ("from", "to"))
-    return BEARING._replace(key=KEY, references=FROM_TO, slots=slots, equation=_open)
+    return BEARING._replace(key="projected_bearing", references=FROM_TO, slots=slots, equation=_open)
 
 
 def _open(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -725,7 +723,7 @@ EARTH_TYPES = (
     *(make.__name__ for make in _OF_THE_EARTH if make is not height_difference),
     "projected_position",
     "projected_attitude",
-    KEY,
+    "projected_bearing",
 )
 """Types that only a project with ``world`` has."""
 NOT_ON_EARTH = {

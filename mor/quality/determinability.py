@@ -520,8 +520,6 @@ PUT_ANYWHERE = (
     "are missing: the observations may still determine it"
 )
 """Reasons of outcomes."""
-OF_THE_START = (AT_THE_START, PUT_ANYWHERE)
-"""Those that say nothing of the observations."""
 
 
 class UnsettledUnknowns(NamedTuple):

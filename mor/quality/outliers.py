@@ -343,8 +343,6 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
-LARGEST_WEIGHT = "its observations contradict each other or the rest"
-"""Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
 _ROUNDS = 8

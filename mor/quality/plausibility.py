@@ -349,8 +349,6 @@ def _oriented(frames: AnyIntArray, size: FloatArray) -> FloatArray:
 # closes a loop with it, and points of known height close one with each other. The misclosure of a loop has
 # the variance of its lines together. All loops are tested with one level.
 
-_GROUND = -1
-
 
 class _Line(NamedTuple):
     start: int
@@ -406,7 +404,8 @@ def _lines(network: Network) -> list[_Line]:
         known = not free[block, 2] or np.isfinite(deviation[block, 2])
         if known and np.isfinite(value[block, 2]):
             variance = float(deviation[block, 2]) ** 2 if free[block, 2] else 0.0
-            lines.append(_Line(_GROUND, block, float(value[block, 2]), variance, None, 0))
+            ground = -1
+            lines.append(_Line(ground, block, float(value[block, 2]), variance, None, 0))
     return lines
 
 

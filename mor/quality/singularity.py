@@ -46,8 +46,6 @@ def enumerated(names: Sequence[str], most: int, say: Translate) -> str:
 
 # ---- One free movement of a network that is a rotation about some line: which line, and which points lie on it.
 
-_SHOWN = 4
-
 
 def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     """Words for the only free movement of a network, where it is a rotation about a line; ``None`` otherwise.
@@ -76,7 +74,7 @@ def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     ids = adjustment.problem.index.blocks["point"].ids
     names = [ids[i] for i in np.flatnonzero(fixed)]
     if names:
-        return say("The network can tilt about the line through {names}.", names=enumerated(names, _SHOWN, say))
+        return say("The network can tilt about the line through {names}.", names=enumerated(names, 4, say))
     x, y, z = (say("{amount}", amount=f"{x:.3f}") for x in direction)
     return say("The network can tilt about a line in the direction ({x}, {y}, {z}), X, Y, Z.", x=x, y=y, z=z)
 
@@ -125,7 +123,7 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Translat
                 point=names[0],
             )
         ]
-    listed = enumerated(names, _SHOWN, say)
+    listed = enumerated(names, 4, say)
     if len(points) == 2:
         return [
             say(
@@ -285,9 +283,6 @@ _CURES = {
     "constancy or smoothness, or lay its knots further apart",
 }
 
-_SINGULARITIES_SHOWN = 6
-"""Names told of one part or direction."""
-
 
 def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
     """One line or more for everything that the observations and the datum leave open."""
@@ -407,7 +402,7 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
         lines.append(
             say(
                 "The movement concerns {names}.",
-                names=enumerated([_name(*block, say) for block in blocks], _SINGULARITIES_SHOWN, say),
+                names=enumerated([_name(*block, say) for block in blocks], 6, say),
             )
         )
     about = tilt(solved.adjustment, say)
@@ -420,7 +415,7 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
 
 def _things(part: NetworkPart, say: Translate) -> str:
     return "; ".join(
-        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, _SINGULARITIES_SHOWN, say)}"
+        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, 6, say)}"
         for space, names in part.names.items()
     )
 
@@ -538,7 +533,7 @@ def _along(kind: str, components: str, blocks: Sequence[str], say: Translate) ->
     lines = []
     for cure, names in by_cure.items():
         if len(names) > 3:
-            listed = enumerated(names, _SINGULARITIES_SHOWN, say)
+            listed = enumerated(names, 6, say)
             words = "These are not determined along {components}: {names}; {cure}."
             lines.append(say(words, components=components, names=listed, cure=cure))
         else:
@@ -553,7 +548,7 @@ def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Trans
     for kind, block in blocks:
         firsts.setdefault(kind, block)
     cures = "; ".join(f"{_name(kind, block, say)}: {_cure(kind, block, say)}" for kind, block in firsts.items())
-    names = enumerated(named, _SINGULARITIES_SHOWN, say)
+    names = enumerated(named, 6, say)
     return [
         say("These cannot be separated from each other: {names}.", names=names),
         say("Remedies, one of: {cures}.", cures=cures),

@@ -156,8 +156,6 @@ def _describe(movement: FloatArray, index: Index, units: FloatArray) -> Undeterm
 # ---- What a found defect means: movements of the whole network, or something that is not determined inside it.
 
 MOVEMENTS = ("translation X", "translation Y", "translation Z", "rotation X", "rotation Y", "rotation Z", "scale")
-BY_CURVATURE = "movement that the curvature of vTPv determines"
-"""A movement that no observation notices to first order."""
 _SMALL = 1e-6
 
 

@@ -327,7 +327,6 @@ def local_precision(problem: Problem, values: Values, columns: IntArray) -> Loca
     )
     sound = np.isfinite(scaled).all(axis=(1, 2))
     scaled[~sound] = np.eye(normal.shape[1])
-
     sound &= np.linalg.eigvalsh(scaled)[:, 0] > 1e-10
     scaled[~sound] = np.eye(normal.shape[1])
     sigma = np.sqrt(np.einsum("nii->ni", np.linalg.inv(scaled))) / scale

@@ -101,7 +101,6 @@ class ElementRule(NamedTuple):
 
 
 _SIGHT = {"from": _identifier, "stdev": _positive, "from_dh": parse_number, "to_dh": parse_number, "extern": _anything}
-
 RULES = {
     "gama-local": ElementRule(("network",), {}, {"xmlns": _anything, "version": _anything}),
     "network": ElementRule(
