@@ -270,7 +270,7 @@ def read_topcon(path: Path) -> Document:
     draft = Draft(str(path))
     book = FieldBook(draft)
     lines = list(records(path, draft))
-    if lines and _GTS6.match(lines[0][1]):
+    if lines and re.match(r"_'[^_]*_\(", lines[0][1]):
         _read_gts6(lines, book)
     else:
         reader = _Topcon(book, lines)
@@ -335,7 +335,6 @@ class _Topcon:
             self.book.leave_out("differences of height (HD)", line)
 
 
-_GTS6 = re.compile(r"_'[^_]*_\(")
 _GTS6_RECORD = re.compile(r"_(['+*])(.*?)(?=_['+*]|$)")
 _GTS6_READINGS = re.compile(
     r"[?W](?P<slope>[+-]\d{8,9})[mf](?P<zenith>\d{7,8})(?P<circle>[+-]\d{7,8})[dg]"
