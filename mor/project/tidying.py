@@ -56,7 +56,6 @@ _HAIRS = tuple(
     )
 )
 """Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
-_HAIRED_NAMES = {"back": NAMES.back.split("|"), "fore": NAMES.fore.split("|"), "between": NAMES.between.split("|")}
 _PLACE = re.compile(r"[(\[]?\s*([-+]?\d+(?:\.\d*)?)\s*[,;]\s*([-+]?\d+(?:\.\d*)?)\s*[)\]]?")
 """x and y in one cell."""
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
@@ -546,7 +545,8 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
 def _hairs(header: Sequence[str]) -> dict[str, tuple[int, int, int]]:
     """Places of the upper, middle and lower hair of readings back, forward and between, where all three are."""
     names, found = [name_and_unit(cell.strip())[0] for cell in header], dict[str, tuple[int, int, int]]()
-    for ours, others in _HAIRED_NAMES.items():
+    for ours in ("back", "fore", "between"):
+        others = getattr(NAMES, ours).split("|")
         for forms in _HAIRS:
             rest = [[name[len(other) :] for other in others if name.startswith(other)] for name in names]
             places = [[k for k, ends in enumerate(rest) if any(map(form.fullmatch, ends))] for form in forms]

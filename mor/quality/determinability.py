@@ -28,7 +28,18 @@ from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
 from mor.quality.test_statistics import robust_sigma
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
-from mor.solve.iterate import A_WEAK_TURN, PAST_CAMERAS, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
+from mor.solve.iterate import (
+    A_WEAK_TURN,
+    NO_DATUM,
+    OPEN,
+    PAST_CAMERAS,
+    RAN_AWAY,
+    UNSETTLED,
+    Adjustment,
+    Outcome,
+    SolverSettings,
+    adjust,
+)
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
 from mor.types import BoolArray, FloatArray, IntArray, pieces
@@ -118,8 +129,6 @@ def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Networ
 
 # ---- Things of a network that nothing determines: found one by one, or by what a null vector moves.
 
-OPEN = "unknowns are not determined by the observations"
-"""Reason of an outcome."""
 HANGS_ON = "it depends on other objects that are not determined"
 
 
@@ -512,8 +521,6 @@ def _equations(
 # What is said of an iteration that failed is seen from its last values: a few further steps of it, and whether the
 # system is singular beside them as well.
 
-UNSETTLED = "the datum points do not define the datum"
-NO_DATUM = "the datum is not defined"
 AT_THE_START = "singular at the start values only: at other values the observations determine everything"
 PUT_ANYWHERE = (
     "but parts of the network have arbitrary positions because start values "

@@ -129,8 +129,6 @@ def medians_of_parts(part: IntArray, sizes: FloatArray, count: int) -> FloatArra
 
 # ---- A problem whose image coordinates are directions: it comes from farther away to nearly the same solution.
 
-_INTERIOR = "interior/"
-
 
 def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
     """The problem with its image rays as directions; ``None`` where there are no images.
@@ -148,7 +146,7 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
     scaled = reweighted(problem, factors)
     motions = {slot.kind for slot in MOTION_SLOTS}
     blocks = {
-        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in motions else own
+        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith("interior/") or kind in motions else own
         for kind, own in problem.index.blocks.items()
     }
     turned = tuple(replace(group, sigma=own.sigma) for group, own in zip(groups, scaled.groups, strict=True))
@@ -159,7 +157,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     """The group as directions, and radians per image unit (n, 2)."""
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
     interior, of = next(
-        (values[slot.kind], numbers) for slot, numbers in group.blocks_by_slot if slot.kind.startswith(_INTERIOR)
+        (values[slot.kind], numbers) for slot, numbers in group.blocks_by_slot if slot.kind.startswith("interior/")
     )
     whole: BoolArray = np.asarray(group.mask.all(axis=1))
     measured = np.where(whole[:, None], group.observed, 0.0)

@@ -192,9 +192,6 @@ def _points_seen(solved: Solved, rotation: int) -> IntArray:
 
 # ---- Readout times that nothing tells: of images that do not move, and of motions that nobody knows.
 
-OF_READOUT = frozenset(slot.kind for slot in MOTION_SLOTS)
-"""Kinds of blocks that act by their products only."""
-
 
 def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
     """One line for every camera whose free readout time no image can tell; both reasons follow from the model."""
@@ -462,7 +459,8 @@ def _is_idle(solved: Solved, kind: str, block: str) -> bool:
 
 
 def _unexplained(solved: Solved) -> list[Undetermined]:
-    told = OF_READOUT if readout_sentences(solved) else frozenset[str]()
+    # Kinds of blocks that act by their products only.
+    told = {slot.kind for slot in MOTION_SLOTS} if readout_sentences(solved) else set[str]()
     return [
         direction
         for direction in solved.adjustment.defect.undetermined

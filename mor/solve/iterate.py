@@ -95,6 +95,9 @@ A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
 RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
 STANDS_STILL = "the iteration makes no progress"
 PAST_CAMERAS = "steps lead points past cameras that see them"
+OPEN = "unknowns are not determined by the observations"
+NO_DATUM = "the datum is not defined"
+UNSETTLED = "the datum points do not define the datum"
 """Reasons of outcomes."""
 
 
@@ -751,11 +754,11 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     """Singular where something inside the network is loose, or a defect is there that the datum does not settle."""
     defect, datum = state.defect, state.problem.datum
     if defect.inside:
-        return state._replace(outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations")
+        return state._replace(outcome=Outcome.SINGULAR, reason=OPEN)
     if defect.datum.shape[1] and not datum.free:
-        return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
+        return state._replace(outcome=Outcome.SINGULAR, reason=NO_DATUM)
     if not binds(defect.datum, state.constraint, state.problem.index):
-        return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not define the datum")
+        return state._replace(outcome=Outcome.SINGULAR, reason=UNSETTLED)
     return state
 
 

@@ -350,8 +350,6 @@ def _angle(element: Element, name: str, unit: str) -> float | None:
 # ``Grid`` of keyed-in points and ``ComputedGrid`` of GNSS points, with their precision, are given; other
 # ``ComputedGrid``, ``Reductions``, mean turned angles and points by calculation are derived. Source: Trimble, *JobXML*.
 
-_FACES = {"Face1": 1, "Face2": 2}
-
 
 def read_jobxml(path: Path) -> Document:
     """The project of a job. Raises :class:`InputError` with every mistake found."""
@@ -444,7 +442,7 @@ class _LandXmlReader:
         if angles == (None, None) and slope is None:
             self.book.leave_out("points without readings", record.line)
             return
-        face = _FACES.get(_text(circle, "Face"), 0)
+        face = {"Face1": 1, "Face2": 2}.get(_text(circle, "Face"), 0)
         station.sights.append(Sight(name, record.line, *angles, slope, None, height, face))
 
 

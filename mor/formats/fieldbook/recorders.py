@@ -479,12 +479,10 @@ def _place(values: dict[str, tuple[float, str]]) -> Place:
 _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
 _CELL = re.compile(r"([NE](?=\s*[-.\d])|[A-Z]{2})\s*(.*)")
-_PLACE_KEYS = ("OP", "PN", "N", "E", "EL")
 _USED = {
     "JB": ("NM",),
     "MO": ("UN", "AU", "SF", "EO", "AD", "EC"),
-    "OC": _PLACE_KEYS,
-    "SP": _PLACE_KEYS,
+    **dict.fromkeys(("OC", "SP"), ("OP", "PN", "N", "E", "EL")),
     "BK": ("OP", "BP", "BS", "BC"),
     "LS": ("HI", "HR"),
     **dict.fromkeys(_SIGHTS, ("OP", "FP", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD")),
