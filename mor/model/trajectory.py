@@ -290,6 +290,8 @@ STEADINESS = {
 # each is multiplied with: ∂l/∂v = (t − t0) ∂l/∂X. The time is that of the row: a constant. Nothing else knows
 # of it.
 
+MOVING = "moving "
+"""What the keys of these types begin with."""
 BASIS = tuple(Component(name, NUMBER) for name in ("years since the reference", "sine", "cosine"))
 """Constants of a row: what the blocks of :data:`mor.model.parameters.MOTIONS` are multiplied with at its time."""
 
@@ -326,7 +328,7 @@ def moving(type_: ObservationType) -> ObservationType:
         for kind in MOTIONS
     )
     return type_._replace(
-        key="moving " + type_.key,
+        key=MOVING + type_.key,
         written=type_.name,
         slots=(*type_.slots, *further),
         constants=(*type_.constants, *BASIS),
