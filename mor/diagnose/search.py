@@ -195,7 +195,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
     stages = _stages(situation)
     if done:  # a change of a whole is no rival then
         stages = tuple(stage for stage in stages if stage in (OF_ROWS, OF_UNKNOWNS))
-    # Causes that are one another's mirror image: where one explains everything the others may.
+    # If one of these causes explains everything, the others may as well.
     mirror_images = ("circle sense", "image flipped", "axes exchanged")
     for stage in stages:
         for hypothesis, promised in _of_stage(situation, stage):

@@ -205,8 +205,7 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
     """
     problem, found, factor = quality.adjustment.problem, [], sigma_of_geometry(quality)
     size = _BEYOND_MEDIAN * median_distance(quality.adjustment)
-    # Kinds of blocks whose components are lengths.
-    lengths = ("point", "base")
+    lengths = ("point", "base")  # kinds of blocks whose components are lengths
     for kind, columns in problem.index.columns.items():
         limit = size if kind in lengths else NOTHING_KNOWN if kind == "rotation" else np.inf
         limits = np.full(columns.shape, limit)

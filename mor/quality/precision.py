@@ -124,7 +124,7 @@ def error_ellipsoids(covariance: FloatArray) -> Ellipsoids:
     eigenvalues, vectors = rotations.eigh(0.5 * (covariance + np.swapaxes(covariance, 1, 2)))
     directions = np.swapaxes(vectors, 1, 2)[:, ::-1]
     east, north, up = np.moveaxis(directions, -1, 0)
-    # Of a level axis (sine of the elevation up to 1e-9) both ends are as good: the one in the eastern half.
+    # Both ends of a level axis are as good: it is the one in the eastern half, whatever the round-off in its height.
     other_end = np.where(np.abs(up) > 1e-9, up < 0.0, (east < 0.0) | ((east == 0.0) & (north < 0.0)))
     east, north, up = (np.where(other_end, -part, part) for part in (east, north, up))
     return Ellipsoids(

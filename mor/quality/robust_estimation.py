@@ -325,7 +325,7 @@ def _factors(
 ) -> tuple[FloatArray, ...]:
     squares = [_joint(group, size) ** 2 for group, size in zip(problem.groups, sizes, strict=True)]
     widths = [(multiple * scale) ** 2 for multiple, scale in zip(multiples, scales, strict=True)]
-    # So that the system stays regular. Residuals that exceed 1 σ even with this factor on their weight get less.
+    # The least factor keeps the system regular. Residuals that exceed 1 σ even with it get less.
     smallest = 1e-10
     return tuple(
         np.maximum((width / (width + square)) ** 2, smallest / np.maximum(1.0, smallest * square))

@@ -89,7 +89,7 @@ def in_lanes(shared: Shared, numbers: int, task: Task[Found], *arguments: Any, p
         put: takes what the task hands over, and may write it to arrays at places that are the chunk's own.
     """
     chunks, workers = shared.rays.chunks, _workers.get()
-    # Room (240 MB) for the reduced systems that the lanes add up each for itself.
+    # Each lane adds up a reduced system for itself: 240 MB in all.
     room = min(len(chunks) // 2, 30_000_000 // max(numbers, 1))
     count = 4 if room >= 4 else 2 if room >= 2 else 1  # three would leave one of two processors without work
     bounds = [len(chunks) * k // count for k in range(count + 1)]

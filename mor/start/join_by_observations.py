@@ -518,7 +518,7 @@ class Search(NamedTuple):
     def derivatives(self, states: SimilarityTransformations) -> FloatArray:
         """(k, n, unknowns): those of the equations, and differences of places and turns."""
         k, u = len(states.scale), self.unknowns
-        # Step of differences: places change nearly in proportion, and are known to 1e-16 of their size.
+        # Places change nearly in proportion to the step of the differences, and are known to 1e-16 of their size.
         step = 1e-6
         beside = self.moved(some(states, np.repeat(np.arange(k), u)), np.tile(step * np.eye(u), (k, 1)))
         there = self._beside_goal(beside).reshape(k, u, -1) - self._beside_goal(states)[:, None]
