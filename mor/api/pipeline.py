@@ -40,7 +40,6 @@ from mor.quality.determinability import (
 )
 from mor.quality.group_tests import GroupTests, Rejection, group_tests, rejection
 from mor.quality.outliers import (
-    LARGEST_WEIGHT,
     Attempt,
     SuspectedOutliers,
     frames_far_off,
@@ -347,7 +346,7 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
     if attempt.suspects is not None:
         # Blocks that only suspects observe are held and named as left out.
         things = [
-            UndeterminedObject(*thing, LARGEST_WEIGHT, "left out")
+            UndeterminedObject(*thing, "its observations contradict each other or the rest", "left out")
             for thing in dict.fromkeys(thing_of(*block) for block in attempt.suspects.lost)
         ]
         marked = {kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()}

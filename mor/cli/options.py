@@ -12,7 +12,7 @@ import click
 
 from mor.errors import InputError, Message
 from mor.input_files import is_folder, keep_standard_input, note_input
-from mor.linalg.compilation import ASKED, WAYS
+from mor.linalg.compilation import ASKED
 from mor.machine import processors
 
 # ---- Options that all commands that write share, and the types that tell inputs from outputs.
@@ -96,7 +96,7 @@ def output_option(words: str, shown: str | None = None, metavar: str = "FOLDER",
 force_option = click.option("-f", "--force", is_flag=True, help="Replace existing files.")
 kernels_option = click.option(
     "--kernels",
-    type=click.Choice(WAYS),
+    type=click.Choice(("auto", "numpy", "numba")),
     default="auto",
     envvar=ASKED,
     show_default=f"{ASKED}, or auto",

@@ -40,8 +40,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 CellChange: TypeAlias = Callable[[str, AddedParameter | None], str | None]
 """New text of a cell from the old one and the estimated amount; None if there is none."""
-LARGEST = 4_000_000
-"""Characters of a file up to which a diff is made."""
 
 
 class KeyEdit(NamedTuple):
@@ -192,7 +190,7 @@ class _Files:
             if path.suffix.lower() in (".gz", ".parquet") or not path.is_file():
                 raise _NotExpressibleError
             self.texts[path] = read_text(path)
-            if len(self.texts[path]) > LARGEST:
+            if len(self.texts[path]) > 4_000_000:  # characters; of larger files no diff is made
                 raise _NotExpressibleError
         return self.texts[path]
 
@@ -559,8 +557,6 @@ OBSERVED_POINTS = ("observed/point", "coordinates")
 """Types of observations of points themselves."""
 SMALL = 20_000
 """Observations up to which graduated weights and intersections of single points take next to no time."""
-_AT_LEAST = 3
-"""Rows of an image or a station of which half is more than chance."""
 
 
 Make = Callable[[Network, Values, Values], Problem]
@@ -683,13 +679,15 @@ class Situation:
     @cached_property
     def something_is_wrong_as_a_whole(self) -> bool:
         """True where half of a group, of an image or of a station does not fit: only then a change of all of it may."""
+        # Half of so many rows of an image or a station is more than chance.
+        at_least = 3
         for group, bad in zip(self.network.groups, self.misfitting, strict=False):  # checks, left out, come last
             rows = bad.any(axis=1)
-            if group.count >= _AT_LEAST and 2 * np.count_nonzero(rows) >= group.count:
+            if group.count >= at_least and 2 * np.count_nonzero(rows) >= group.count:
                 return True
             whole = np.bincount(group.references[0].numbers)
             wrong = np.bincount(group.references[0].numbers, weights=rows, minlength=len(whole))
-            if ((whole >= _AT_LEAST) & (2 * wrong >= whole)).any():
+            if ((whole >= at_least) & (2 * wrong >= whole)).any():
                 return True
         return False
 

@@ -32,8 +32,6 @@ ROWS = 40
 """Rows of a group that are looked at, the worst first."""
 _TRIED = 6
 """Exchanges and names that are tried: those that make rows fit that are off most."""
-_FEW, _ALONE = 10, 4
-"""Rows of a group up to which each is judged by an adjustment without it, and how many of them are."""
 
 
 class Match(NamedTuple):
@@ -58,12 +56,13 @@ class Match(NamedTuple):
 
 def name_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Exchanges first, then single names."""
+    # In a group of up to ten rows, the four worst are judged by an adjustment without each.
     found = [
         match
         for number, group in enumerate(situation.network.groups)
         if len(group.type.references) > 1
         for place, row in enumerate(situation.worst_rows(number, ROWS).tolist())
-        for match in _matches(situation, number, row, group.count <= _FEW and place < _ALONE)
+        for match in _matches(situation, number, row, group.count <= 10 and place < 4)
     ]
     exchanges = [
         *_by_scores(situation),
@@ -275,10 +274,6 @@ def where(group: ObservationGroup, row: int) -> str:
     return f"{group.name}, {', '.join(group.names_of(row).values())}"
 
 
-_LEAST, _MOST = 4, 40
-"""Sights of a station: of fewer any exchange fits, of more the others keep its pose right."""
-
-
 class Exchange(NamedTuple):
     """Two rows of a group that fit with each other's targets."""
 
@@ -327,7 +322,8 @@ def _spoiled(situation: Situation) -> list[str]:
         names = situation.network.groups[number].references[0]
         for name, size in zip(names, np.sum(situation.sizes[number] ** 2, axis=1).tolist(), strict=False):
             squares[name] = squares.get(name, 0.0) + size
-    shares = {n: wrong[n] / whole[n] for n in whole if _LEAST <= whole[n] <= _MOST}
+    # With fewer sights of a station any exchange fits; with more the others keep its pose right.
+    shares = {n: wrong[n] / whole[n] for n in whole if 4 <= whole[n] <= 40}
     # Sights that do not fit: an exchange makes two.
     spoiled = [n for n in shares if wrong[n] >= 2]
     return sorted(spoiled, key=lambda n: (-shares[n], -squares[n] / whole[n]))[:2]

@@ -47,13 +47,10 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-OFFERED = 3
 _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
-_NAMES = 20_000
-"""Names that are tried for the rows of a table in small networks; in large ones as many as there are observations."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
@@ -113,8 +110,7 @@ def score_tests(
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
     good += [one for one in (*joined, *_sigmas(quality)) if one.length > least]
-    good = [one for one in good if one.log_p < limit]
-    return tuple(_cause(one) for one in _distinct(good)[:OFFERED])
+    return _causes([one for one in good if one.log_p < limit])
 
 
 def score_tests_with_suspects(
@@ -158,7 +154,7 @@ def _explaining(
             gain = before - after
             cost = cost_of_choice(problem.observations, count, 0, 0.0)
             found.append(_Scored(one, np.ones(1), gain, gain - cost, float(log_p_chi2(gain, 1)), 0))
-    return tuple(_cause(one) for one in _distinct(found)[:OFFERED])
+    return _causes(found)
 
 
 def _after_step(quality: Quality) -> Quality:
@@ -317,17 +313,15 @@ def _change(group: ObservationGroup, values: Values, rows: IntArray, computed: F
     return np.asarray(np.nan_to_num(change))
 
 
-_LENGTHS = {"ft for m": 0.3048, "mm for m": 0.001, "cm for m": 0.01}
-"""Factors from the numbers as they were read to the numbers as they may be meant; their inverses as well."""
-
-
 def _units(number: int, group: ObservationGroup) -> Iterator[_Candidate]:
     """Another unit of all lengths of a table; control in another unit is far from anything linear."""
     lengths = [c.quantity.length == 1 and not is_image_point(group.type) for c in group.type.components]
     if not any(lengths) or group.count < 2 or not group.type.distances:
         return
     rows = np.arange(group.count)
-    for name, factor in _LENGTHS.items():
+    # Factors from the numbers as they were read to the numbers as they may be meant; their inverses as well.
+    factors = {"ft for m": 0.3048, "mm for m": 0.001, "cm for m": 0.01}
+    for name, factor in factors.items():
         for words, ratio in ((name, factor), (" for ".join(reversed(name.split(" for "))), 1.0 / factor)):
             change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
             line = f"observations, {group.name}: units: {words.split()[0]}"
@@ -404,23 +398,20 @@ def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolAr
         yield _Candidate("face", names, line, ((number, np.array([row]), change),), True)
 
 
-_LEAST_TURNED = 2
-"""Directions before and after a circle was turned, at least."""
-
-
 def _turned_circles(values: Values, number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
     """Sets whose circle was turned between two of their rows: another orientation from there on."""
     if not group.type.turns or group.type.references[0].name != "station":
         return
     column, stations = group.type.turns[0], np.asarray(group.references[0])
     shares = {name: int(flagged[stations == name].sum()) for name in dict.fromkeys(stations[flagged].tolist())}
+    least = 2  # directions before and after a circle was turned
     for name in sorted(shares, key=lambda one: -shares[one])[:_PAIRS]:
         rows = np.flatnonzero(stations == name)
-        places = range(_LEAST_TURNED, len(rows) - _LEAST_TURNED + 1)
+        places = range(least, len(rows) - least + 1)
         if len(places) > 12:  # those with the largest steps of the misclosures
             size = np.abs(np.diff(np.nan_to_num(misclosures(group, values, rows))[:, column]))
-            best = np.argsort(-size[_LEAST_TURNED - 1 : len(rows) - _LEAST_TURNED], kind="stable")
-            places = (best[:12] + _LEAST_TURNED).tolist()
+            best = np.argsort(-size[least - 1 : len(rows) - least], kind="stable")
+            places = (best[:12] + least).tolist()
         for place in places:
             turned = rows[place:]
             unit = np.zeros((len(turned), group.observed.shape[1], 1))
@@ -465,7 +456,8 @@ def _wrong_names(
 ) -> Iterator[_Candidate]:
     found: list[Match] = []
     names = max((len(things.ids) for things in network.things.values()), default=1)
-    most = min(ROWS, max(_NAMES, network.observations) // max(names, 1))
+    # In small networks 20 000 names are tried for the rows of a table; in large ones as many as there are observations.
+    most = min(ROWS, max(20_000, network.observations) // max(names, 1))
     for number, group in enumerate(network.groups):
         if len(group.references) < 2 or group.type.between_marks:
             continue
@@ -823,10 +815,6 @@ def _sigmas(quality: Quality) -> Iterator[_Scored]:
         yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, log_p, 1)
 
 
-_TOGETHER = ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved")
-"""Causes of which several may have come together: the same person, the same day."""
-
-
 def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> tuple[list[_Scored], set[str]]:
     """Mistakes of one kind together: one after the other, as long as each shortens the description.
 
@@ -834,7 +822,8 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
     """
     found: list[_Scored] = []
     too_many: set[str] = set()
-    for cause in _TOGETHER:
+    # Causes of which several may have come together: the same person, the same day.
+    for cause in ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved"):
         some = [one for one in candidates if one.cause == cause]
         if len(some) < 2 or len(some) * quality.adjustment.problem.index.count > _ENTRIES:
             continue
@@ -911,6 +900,10 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
         if not inside:
             found.append(one)
     return found
+
+
+def _causes(found: Sequence[_Scored]) -> tuple[ScoredHypothesis, ...]:
+    return tuple(_cause(one) for one in _distinct(found)[:3])
 
 
 def _cause(one: _Scored) -> ScoredHypothesis:

@@ -77,12 +77,10 @@ from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.problem import Problem, misclosures
 from mor.types import BoolArray, FloatArray
 
-_ABSURD, _LESS = 10.0, 0.3
-"""Factor of all σ that nobody errs by, and part of it that is less."""
+_ABSURD = 10.0
+"""Factor of all σ that nobody errs by."""
 _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
-_MIRRORED = ("circle sense", "image flipped", "axes exchanged")
-"""Causes that are one another's mirror image: where one explains everything the others may."""
 Family = Callable[[Situation], list[Hypothesis]]
 OF_ROWS: tuple[Family, ...] = (
     levelling_hypotheses,
@@ -95,10 +93,8 @@ OF_ROWS: tuple[Family, ...] = (
 )
 """Families that change a few observations or points: what explains everything so has no rival among the others."""
 OF_UNKNOWNS: tuple[Family, ...] = (distance_hypotheses, height_hypotheses, camera_constant_hypotheses)
-OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
 BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses, implausible_zenith_hypotheses)
 """Families of values that nobody has: they are tried first, even if nothing else is known."""
-OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
 OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses, table_unit_hypotheses)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
@@ -199,15 +195,17 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
     stages = _stages(situation)
     if done:  # a change of a whole is no rival then
         stages = tuple(stage for stage in stages if stage in (OF_ROWS, OF_UNKNOWNS))
+    # If one of these causes explains everything, the others may as well.
+    mirror_images = ("circle sense", "image flipped", "axes exchanged")
     for stage in stages:
         for hypothesis, promised in _of_stage(situation, stage):
-            no_rival = promised < _RIVAL * explained and hypothesis.cause not in _MIRRORED
+            no_rival = promised < _RIVAL * explained and hypothesis.cause not in mirror_images
             if no_rival or (hypothesis.cause, hypothesis.things) in known:
                 continue
             if untried or not go_on(hypothesis):
                 untried += 1
                 continue
-            mirrored = done and hypothesis.cause in _MIRRORED
+            mirrored = done and hypothesis.cause in mirror_images
             fit = tried(situation, hypothesis, mirrored or not done, mirrored or promised > BY_CHANCE)
             trials.append(_trial(situation, hypothesis, fit))
             if fit is None:
@@ -237,13 +235,15 @@ def _trial(situation: Situation, hypothesis: Hypothesis, fit: NetworkFit | None)
 
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     """Families that are asked together: those of a whole first if most observations do not fit, else last."""
+    of_sigmas: tuple[Family, ...] = (sigma_hypotheses,)
     if not situation.larger:
-        return (OF_SIGMAS,)  # of the others only control in a smaller unit may make residuals smaller
+        return (of_sigmas,)  # of the others only control in a smaller unit may make residuals smaller
     if not situation.settled:
-        return BEYOND_REACH, OF_SIGMAS, OF_A_WHOLE
+        return BEYOND_REACH, of_sigmas, OF_A_WHOLE
+    of_the_earth: tuple[Family, ...] = (curvature_hypotheses,)
     if situation.most_do_not_fit or situation.solution is None:
-        return BEYOND_REACH, OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
-    return BEYOND_REACH, OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+        return BEYOND_REACH, of_sigmas, of_the_earth, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return BEYOND_REACH, of_sigmas, of_the_earth, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
 
 
 def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:
@@ -280,7 +280,7 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             if (
                 _gain(situation, one.fit) > (0.0 if one.scored and _explains(one.hypothesis, one.fit) else BY_CHANCE)
                 and _nearer(one.fit, before)
-                and (one.fit.scale <= max(_ABSURD, _LESS * situation.fit.scale))
+                and one.fit.scale <= max(_ABSURD, 0.3 * situation.fit.scale)
             )
         ],
     )

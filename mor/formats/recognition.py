@@ -370,7 +370,6 @@ def _document(content: bytes, path: Path) -> bytes:
 SIGMA = "0.02"
 """σ of control, m: the files say none."""
 
-_POLE = 90.0
 SYSTEM = re.compile(r"EPSG:\s*\d+|WGS\s*84\b|\+proj=|\+init=|PROJCS|GEOGCS|PROJCRS|GEOGCRS", re.IGNORECASE)
 """The coordinate system in the first line of a gcp_list.txt."""
 
@@ -506,7 +505,7 @@ def _read_list(
             z_or_none = z if words[2].lower() != "nan" else None
             name = words[6] if len(words) > 6 else names.setdefault((x, y, z), f"gcp {len(names) + 1}")
             x, y = (y, x) if latitude_first else (x, y)
-            if geographic and abs(y) > _POLE:
+            if geographic and abs(y) > 90.0:
                 draft.problem(f"found the latitude {y:g}, expected it between -90 and 90", line, str(path))
                 continue
             if geographic and shots is None:
@@ -538,7 +537,7 @@ def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:
             first, second = (abs(float(word)) for word in words[:2])
         except ValueError:
             continue
-        if second > _POLE >= first:
+        if second > 90.0 >= first:
             draft.note(f"{words[1]} is not a latitude: latitude is read as the first number", line, str(path))
             return True
     return False
@@ -1243,54 +1242,6 @@ def _gcp(sample: Sample) -> bool:
     return all(len(row) >= 6 and _recognition_numbers(row[:5]) == 5 for row in words)
 
 
-_RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
-    (
-        "gsi",
-        re.compile(r"\s*\*?\d{2}[\d.]{4}[+-][^_\s]+(?:\s+\d{2}\S{4}[+-]|\s*$)"),
-        1,
-        "blocks of words as in 110001+00000001",
-    ),
-    ("sdr", re.compile(r"00..SDR|SDL\d+,\d"), 1, "the head of an SDR33 file or an SDL level"),
-    ("m5", re.compile(r"For M5\|Adr"), 1, "records For M5|Adr"),
-    ("m5", re.compile(r"\s*\d+\s+\S.*\s(?:R[bfz]|L[rvz])\s+-?\d+\.\d+\s+(?:HD|E)\s+\d"), 2, "staff readings Rb and Rf"),
-    (
-        "rw5",
-        re.compile(r"JB,NM|MO,AD\d,UN|(?:OC|BK|SS|TR|FS|BD|BR|FD|FR),OP|SP,PN|GPS,PN|LS,H[IR]"),
-        1,
-        "the records JB, MO, OC",
-    ),
-    ("nikon", re.compile(r"\s*[01]\s*,\s*[0-3]\s*,\s*[MFN][DGM]\s*,"), 2, "records 1,0,MD of a DTM-300"),
-    (
-        "nikon",
-        re.compile(r"CO,.*\bRAW data|(?:SS|F[12]),[^,]*,-?[\d.]+,-?[\d.]*,-?[\d.]+,", re.IGNORECASE),
-        1,
-        "comma-separated records CO, ST, SS",
-    ),
-    ("sokkia-scr", re.compile(r"A,SET\d"), 1, "the head of a SET file"),
-    (
-        "fbk",
-        re.compile(
-            r"UNITS? (?:METER|(?:US)?FOOT)|(?:AD|F[12]|FC[12]) VA |STN [^\s,]+(?:\s|$)|PRISM [\d.]|NEZ? \S+ [\d.]"
-        ),
-        2,
-        "the commands UNIT, STN, F1 VA",
-    ),
-    (
-        "topcon",
-        re.compile(
-            r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}[^,]+,|(?:STN|[BFS]S|[SH]D|HV) +[^\s,]+,"
-        ),
-        2,
-        "the records STN, JOB, UNITS",
-    ),
-    ("topcon", re.compile(r"_'[^_]*_\("), 1, "stations and sights of a GTS-6 file"),
-    ("pix4d-cam", re.compile(HEAD), 1, "the head of a camera file"),
-    ("bundler", re.compile(r"# Bundle file"), 1, "the head of a bundle file"),
-)
-"""Formats of records: key, a line, how many such lines there are at least, and what they look like."""
-
-
-_PLAIN = r"\s*(?:[-+\d.]+[\s,]+){%d,}[-+\d.]+\s*$"
 _SIMILAR = {
     "starnet": _STARNET.pattern,
     "gsi": r"\s*\*?\d{2}\S{4}[+-]|\*?\d{6}",
@@ -1307,8 +1258,8 @@ _SIMILAR = {
     "sinex": r"[%+*-][A-Z=/_]{3}",
     "dynadjust": r"!#=|[A-Z]\s.*[A-Z]{3} (?:LLH|XYZ|UTM)",
     "gcp": r"\s*(?:[-+\d.]+\s+){5}\S+",
-    "bal": _PLAIN % 2,
-    "photomodeler": _PLAIN % 4,
+    "bal": r"\s*(?:[-+\d.]+[\s,]+){2,}[-+\d.]+\s*$",
+    "photomodeler": r"\s*(?:[-+\d.]+[\s,]+){4,}[-+\d.]+\s*$",
     "pix4d-cam": r"(?:F|Px|Py|K\d|T\d) [-\d.]",
     "bundler": r"# Bundle",
     "metashape-reference": r"#|[^,]*,(?:[-\d.]*,){3}",
@@ -1376,7 +1327,53 @@ _RULES: tuple[_Rule, ...] = (
     _if("gcp", _gcp, "a coordinate system, then x y z u v and an image a line", certain=False),
     _if("bal", _bal, "three counts, then four numbers a line", certain=False),
     _if("snap", _snap, "the commands of SNAP"),
-    *(_records(*form) for form in _RECORD_FORMATS),
+    _records(
+        "gsi",
+        re.compile(r"\s*\*?\d{2}[\d.]{4}[+-][^_\s]+(?:\s+\d{2}\S{4}[+-]|\s*$)"),
+        1,
+        "blocks of words as in 110001+00000001",
+    ),
+    _records("sdr", re.compile(r"00..SDR|SDL\d+,\d"), 1, "the head of an SDR33 file or an SDL level"),
+    _records("m5", re.compile(r"For M5\|Adr"), 1, "records For M5|Adr"),
+    _records(
+        "m5",
+        re.compile(r"\s*\d+\s+\S.*\s(?:R[bfz]|L[rvz])\s+-?\d+\.\d+\s+(?:HD|E)\s+\d"),
+        2,
+        "staff readings Rb and Rf",
+    ),
+    _records(
+        "rw5",
+        re.compile(r"JB,NM|MO,AD\d,UN|(?:OC|BK|SS|TR|FS|BD|BR|FD|FR),OP|SP,PN|GPS,PN|LS,H[IR]"),
+        1,
+        "the records JB, MO, OC",
+    ),
+    _records("nikon", re.compile(r"\s*[01]\s*,\s*[0-3]\s*,\s*[MFN][DGM]\s*,"), 2, "records 1,0,MD of a DTM-300"),
+    _records(
+        "nikon",
+        re.compile(r"CO,.*\bRAW data|(?:SS|F[12]),[^,]*,-?[\d.]+,-?[\d.]*,-?[\d.]+,", re.IGNORECASE),
+        1,
+        "comma-separated records CO, ST, SS",
+    ),
+    _records("sokkia-scr", re.compile(r"A,SET\d"), 1, "the head of a SET file"),
+    _records(
+        "fbk",
+        re.compile(
+            r"UNITS? (?:METER|(?:US)?FOOT)|(?:AD|F[12]|FC[12]) VA |STN [^\s,]+(?:\s|$)|PRISM [\d.]|NEZ? \S+ [\d.]"
+        ),
+        2,
+        "the commands UNIT, STN, F1 VA",
+    ),
+    _records(
+        "topcon",
+        re.compile(
+            r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}[^,]+,|(?:STN|[BFS]S|[SH]D|HV) +[^\s,]+,"
+        ),
+        2,
+        "the records STN, JOB, UNITS",
+    ),
+    _records("topcon", re.compile(r"_'[^_]*_\("), 1, "stations and sights of a GTS-6 file"),
+    _records("pix4d-cam", re.compile(HEAD), 1, "the head of a camera file"),
+    _records("bundler", re.compile(r"# Bundle file"), 1, "the head of a bundle file"),
     _if("idx", _idx, "the sections of an IDX file", certain=False),
     _if("geodimeter", _geodimeter, "a label and a value a line", certain=False),
     _if("starnet", _starnet, "the codes and names of STAR*NET", certain=False),

@@ -496,8 +496,6 @@ def row_cofactors_kernel(
 # ---- Between observation rows and the block matrix: JᵀJ in, J Q Jᵀ out; compiled, or plain where there is no compiler.
 
 _ROWS_AT_A_TIME = 5000
-_REMEMBERED = 1_000_000
-"""Places (16 bytes each) that are kept at the most, twice as many for a moment."""
 
 
 @dataclass(frozen=True)
@@ -561,11 +559,13 @@ def accumulate_rows_plainly(
 def _stored_in_every_iteration(into: Target, columns: IntArray) -> tuple[IntArray, IntArray]:
     """As ``_stored``, remembered where rows are few."""
     rows, width = columns.shape
-    if rows * width * width > _REMEMBERED:
+    # Places of 16 bytes each; for a moment twice as many are kept.
+    most_kept = 1_000_000
+    if rows * width * width > most_kept:
         return _stored(into, columns)
     key = columns.shape, columns.tobytes()
     if key not in into.known:
-        if sum(places.size for _, places in into.known.values()) > _REMEMBERED:
+        if sum(places.size for _, places in into.known.values()) > most_kept:
             into.known.clear()
         into.known[key] = _stored(into, columns)
     return into.known[key]

@@ -302,12 +302,6 @@ def _mirror(matrix: FloatArray) -> None:
 # parent. Everything dense is LAPACK. A pivot that vanishes is set aside instead of failing: its unknown is
 # fixed at zero, and what remains is the factorisation of the matrix without its row and column.
 
-# A pivot of a matrix with unit diagonal is 1 − R², R the multiple correlation with what was eliminated
-# before. It is a difference of numbers of order one; its round-off is some 1e-16 times the growth, seldom
-# above 1e-12.
-TOLERANCE = 1e-10
-# Below this order vanishing pivots are looked for column by column; above it the matrix is halved first.
-_HALVE_ABOVE = 64
 _NONE = np.empty(0, dtype=np.int64)
 _Front = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -386,13 +380,14 @@ class Factor:
             x[first:end] = dtrsm(1.0, self.pivots[f], y.T, side=1, lower=1, trans_a=0, overwrite_b=1).T
 
 
-def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:
+def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 1e-10) -> Factor:
     """Return the Cholesky factor of a symmetric positive semidefinite matrix scaled to unit diagonal.
 
     Args:
         matrix: the matrix; of its diagonal blocks only the lower triangles are read.
         elimination: the plan made for its pattern.
-        tolerance: pivots below it, negative ones included, are set aside.
+        tolerance: pivots below it, negative ones included, are set aside. A pivot is 1 − R², R the multiple
+            correlation with what was eliminated before; its round-off is seldom above 1e-12.
 
     Raises:
         NotFiniteError: the matrix contains infinities or not-a-numbers.
@@ -514,7 +509,7 @@ def _factor_dense(matrix: FloatArray, tolerance: float) -> tuple[FloatArray, Int
         return factor, _NONE
     factor = matrix.copy(order="F")
     size = matrix.shape[0]
-    if size <= _HALVE_ABOVE:
+    if size <= 64:  # vanishing pivots are looked for column by column
         vanished = np.zeros(size, dtype=bool)
         factor_setting_aside(factor, tolerance, vanished)
         return factor, np.flatnonzero(vanished)

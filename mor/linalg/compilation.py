@@ -37,9 +37,8 @@ Result = TypeVar("Result")
 
 WORTH_COMPILING = 20_000
 """Observations of a network below which kernels are never used: NumPy takes some seconds at most."""
-WAYS = ("auto", "numpy", "numba")
 ASKED = "MOR_KERNELS"
-"""Environment variable that has one of :data:`WAYS`; processes that help with the work inherit it."""
+"""Environment variable that is auto, numpy or numba; processes that help with the work inherit it."""
 
 MISSING = "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
 COMPILING = "compiling the kernels, which takes some minutes, once only"

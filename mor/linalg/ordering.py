@@ -14,11 +14,6 @@ import scipy.sparse.linalg
 from mor.linalg.block_matrix import BlockStructure
 from mor.types import IntArray
 
-# A block that meets more than this multiple of √b others is a hub (a camera shared by all images): it is
-# eliminated last, where it would end up anyway, because minimum degree spends most of its time on such
-# vertices.
-_HUB_DEGREE = 10.0
-
 
 def block_graph(structure: BlockStructure) -> scipy.sparse.csr_array:
     """Return the symmetric (b, b) graph of the off-diagonal blocks, all values 1, indices ascending."""
@@ -34,7 +29,9 @@ def fill_reducing_order(graph: scipy.sparse.csr_array) -> IntArray:
     """Return the (b,) block numbers in the order of their elimination."""
     blocks = graph.shape[0]
     degree = np.diff(graph.indptr)
-    hub = degree > max(16.0, _HUB_DEGREE * np.sqrt(blocks))
+    # A block that meets more than 10 √b others is a hub (a camera shared by all images): it is eliminated last, where
+    # it would end up anyway, because minimum degree spends most of its time on such vertices.
+    hub = degree > max(16.0, 10.0 * np.sqrt(blocks))
     rest = np.flatnonzero(~hub)
     hubs = np.flatnonzero(hub)
     inner = _minimum_degree(graph[rest][:, rest] if hubs.size else graph)

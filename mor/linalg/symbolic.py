@@ -213,8 +213,6 @@ def places_of_unknowns(
 # Cost of a front: 1 per front, per entry of its square, per multiplication; in units of about 60
 # microseconds.
 _PRICES: FloatArray = np.array([1.0, 3e-5, 4e-6])
-# From this share of stored scalars on, one dense front is cheaper than anything that looks at the pattern.
-_NEARLY_FULL = 0.4
 
 
 class Scalars(NamedTuple):
@@ -321,7 +319,8 @@ def analyse(structure: BlockStructure) -> Elimination:
     """Return the plan of the Cholesky factorisation of matrices with this pattern."""
     unknowns, blocks = structure.unknowns, structure.blocks
     stored = int(structure.position[-1])
-    if blocks <= 1 or stored > _NEARLY_FULL * unknowns * (unknowns + 1) / 2:
+    # From this share of stored scalars on, one dense front is cheaper than anything that looks at the pattern.
+    if blocks <= 1 or stored > 0.4 * unknowns * (unknowns + 1) / 2:
         one_front = np.array([0, blocks] if blocks else [0], dtype=np.int64)
         order, root = np.arange(blocks, dtype=np.int64), np.full(one_front.size - 1, -1)
         nothing = np.zeros(blocks + 1, dtype=np.int64), np.zeros(0, dtype=np.int64)

@@ -203,8 +203,6 @@ def takes_positions(type_: ObservationType) -> bool:
 # the limit itself: seen from a frame it is X* = D_frame · u, wherever the frame stands (MOR eq. 1 with X →
 # ∞).
 
-FREE_TURNS = (True, True, False)
-"""Turns about the axes of D that move u: not the one about u itself."""
 AT_INFINITY = " at infinity"
 """What the keys of these types end with."""
 TURNED_AXIS: FloatArray = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])

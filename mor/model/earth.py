@@ -23,10 +23,6 @@ GRS80 = (6_378_137.0, 1.0 / 298.257222101)
 """Semi-major axis (metres) and flattening."""
 
 
-_MOST_ROUNDS = 40
-"""For a foot: each makes the error smaller by height over radius; on the ground two or three are enough."""
-
-
 class Ellipsoid(NamedTuple):
     """An ellipsoid of revolution."""
 
@@ -161,7 +157,8 @@ class Horizon:
         value = np.einsum("ni,ni->n", position, by_position + at_origin)
         largest = np.fmax.reduce(np.abs(position), axis=None, initial=0.0)  # of places that are known
         foot, digits = position, 4.0 * np.finfo(float).eps * largest
-        for _ in range(_MOST_ROUNDS):
+        # For a foot: each makes the error smaller by height over radius; on the ground two or three are enough.
+        for _ in range(40):
             gradient = at_origin + foot @ B
             up = gradient / np.linalg.norm(gradient, axis=1)[:, None]
             slope = np.einsum("ni,ni->n", up, by_position)

@@ -438,7 +438,6 @@ def project_rad_tan(star: FloatArray, interior: FloatArray, constants: FloatArra
 
 
 _PINHOLE = tuple(Component(name, IMAGE) for name in ("fx", "fy", "cx", "cy"))
-_RADIAL_FIRST = ("k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3")
 
 THIN_PRISM = CameraModel(
     key="thin-prism-fisheye",
@@ -450,7 +449,10 @@ THIN_PRISM = CameraModel(
 """Camera model ``thin-prism-fisheye``."""
 RAD_TAN_THIN_PRISM = CameraModel(
     key="rad-tan-thin-prism-fisheye",
-    components=(*_PINHOLE, *(Component(name, NUMBER) for name in _RADIAL_FIRST)),
+    components=(
+        *_PINHOLE,
+        *(Component(name, NUMBER) for name in ("k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2", "s3")),
+    ),
     constants=(),
     project=project_rad_tan,
     sees_behind=True,

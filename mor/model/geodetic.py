@@ -13,6 +13,7 @@ from mor.model.contract import (
     FROM_TO,
     POSITIONS,
     Computed,
+    Equation,
     ObservationType,
     Reference,
     Slot,
@@ -200,8 +201,15 @@ def control(horizon: Horizon) -> ObservationType:
 
 # ---- Observed latitude, longitude and height of a position; heights alone, above the ellipsoid and above the geoid.
 
-_POINT = (Reference("point", POSITIONS),)
-_SLOT = (Slot("point", "point", "position"),)
+
+def _of_position(key: str, components: tuple[Component, ...], equation: Equation) -> ObservationType:
+    return ObservationType(
+        key=key,
+        components=components,
+        references=(Reference("point", POSITIONS),),
+        slots=(Slot("point", "point", "position"),),
+        equation=equation,
+    )
 
 
 def geodetic_position(horizon: Horizon) -> ObservationType:
@@ -215,13 +223,8 @@ def geodetic_position(horizon: Horizon) -> ObservationType:
         by_position[:, 1] /= ((N + geodetic[:, 2]) * np.cos(geodetic[:, 0]))[:, None]
         return Computed(geodetic, (by_position,))
 
-    return ObservationType(
-        key="geodetic_position",
-        components=(Component("latitude", ANGLE), Component("longitude", ANGLE), Component("height", LENGTH)),
-        references=_POINT,
-        slots=_SLOT,
-        equation=equation,
-    )
+    components = (Component("latitude", ANGLE), Component("longitude", ANGLE), Component("height", LENGTH))
+    return _of_position("geodetic_position", components, equation)
 
 
 def ellipsoidal_height(horizon: Horizon) -> ObservationType:
@@ -231,13 +234,7 @@ def ellipsoidal_height(horizon: Horizon) -> ObservationType:
         foot = horizon.foot(blocks[0])
         return Computed(foot.height[:, None], (foot.up[:, None, :],))
 
-    return ObservationType(
-        key="ellipsoidal_height",
-        components=(Component("height", LENGTH),),
-        references=_POINT,
-        slots=_SLOT,
-        equation=equation,
-    )
+    return _of_position("ellipsoidal_height", (Component("height", LENGTH),), equation)
 
 
 def orthometric_height(horizon: Horizon) -> ObservationType:
@@ -248,14 +245,8 @@ def orthometric_height(horizon: Horizon) -> ObservationType:
         height = above_ellipsoid(blocks, constants)
         return Computed(height.values - constants, height.jacobians)
 
-    return ObservationType(
-        key="orthometric_height",
-        components=(Component("height", LENGTH),),
-        references=_POINT,
-        slots=_SLOT,
-        equation=equation,
-        constants=end_constants(["point"], [GEOID]),
-    )
+    found = _of_position("orthometric_height", (Component("height", LENGTH),), equation)
+    return found._replace(constants=end_constants(["point"], [GEOID]))
 
 
 # ---- GNSS vectors and positions in geocentric axes of a reference frame of their own.
@@ -489,8 +480,6 @@ def projected_position(horizon: Horizon) -> ObservationType:
 #
 #     (E, N) = Σ c_ij T_i(ξ) T_j(η),   t = atan2(E_to − E_from, N_to − N_from).
 
-KEY = "projected_bearing"
-
 
 class ProjectionPolynomial(NamedTuple):
     """A projection as a polynomial over a rectangle of object coordinates."""
@@ -557,7 +546,7 @@ def projected_bearing(horizon: Horizon, plane: ProjectionPolynomial) -> Observat
 def open_projection() -> ObservationType:
     """The type before anything says which projection is meant."""
     slots = tuple(Slot("point", end, "position") for end in ("from", "to"))
-    return BEARING._replace(key=KEY, references=FROM_TO, slots=slots, equation=_open)
+    return BEARING._replace(key="projected_bearing", references=FROM_TO, slots=slots, equation=_open)
 
 
 def _open(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -734,7 +723,7 @@ EARTH_TYPES = (
     *(make.__name__ for make in _OF_THE_EARTH if make is not height_difference),
     "projected_position",
     "projected_attitude",
-    KEY,
+    "projected_bearing",
 )
 """Types that only a project with ``world`` has."""
 NOT_ON_EARTH = {

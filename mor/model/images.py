@@ -10,7 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from mor.model.cameras import CAMERA_MODELS, CameraModel, Projection
-from mor.model.contract import Computed, ObservationGroup, ObservationType, Reference, Slot
+from mor.model.contract import Computed, Equation, ObservationGroup, ObservationType, Reference, Slot
 from mor.model.motion import MovedPoints, TrajectoryPoses, by_time, moved, right_jacobian
 from mor.model.parameters import interior_key
 from mor.model.rotations import InFrame, by_point, by_rotation, follow, into_frame
@@ -27,11 +27,21 @@ FRAME_SLOTS = (
     Slot("eccentricity", "image", "eccentricity"),
 )
 FOLLOWER_SLOTS = (Slot("rotation", "image", "relative rotation"), Slot("base", "image", "base"))
-POINT_SLOT = Slot("point", "point", "position")
-REFERENCES = (Reference("image", ("image",)), Reference("point", ("point",)))
-COMPONENTS = (Component("x", IMAGE), Component("y", IMAGE))
-WRITTEN = "image"
-MEASURED = (Component("measured x", IMAGE), Component("measured y", IMAGE))
+
+
+def _of_images(
+    key: str, model: CameraModel, slots: tuple[Slot, ...], equation: Equation, constants: tuple[Component, ...] = ()
+) -> ObservationType:
+    """A type with ``slots`` before interior orientation and point, and ``constants`` behind those of the model."""
+    return ObservationType(
+        key=f"{key}/{model.key}",
+        written="image",
+        components=(Component("x", IMAGE), Component("y", IMAGE)),
+        references=(Reference("image", ("image",)), Reference("point", ("point",))),
+        slots=(*slots, Slot(interior_key(model.key), "image", "interior"), Slot("point", "point", "position")),
+        equation=equation,
+        constants=(Component("measured x", IMAGE), Component("measured y", IMAGE), *model.constants, *constants),
+    )
 
 
 def image_coordinates(model: CameraModel, pair: tuple[Slot, ...] = ()) -> ObservationType:
@@ -54,21 +64,12 @@ def image_coordinates(model: CameraModel, pair: tuple[Slot, ...] = ()) -> Observ
             projection.xy, (*_by_frame(by_star, frame), *by_pair, projection.by_interior, by_point(by_star, frame))
         )
 
-    interior = Slot(interior_key(model.key), "image", "interior")
-    return ObservationType(
-        key=f"{'follower' if pair else 'image'}/{model.key}",
-        written=WRITTEN,
-        components=COMPONENTS,
-        references=REFERENCES,
-        slots=(*FRAME_SLOTS, *pair, interior, POINT_SLOT),
-        equation=equation,
-        constants=(*MEASURED, *model.constants),
-    )
+    return _of_images("follower" if pair else "image", model, (*FRAME_SLOTS, *pair), equation)
 
 
 def is_image_point(type_: ObservationType) -> bool:
     """True for image coordinates, of single images and of stereo followers, at infinity too."""
-    return type_.written == WRITTEN
+    return type_.written == "image"
 
 
 def _by_frame(by_star: FloatArray, frame: InFrame) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -138,15 +139,7 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
         )
         return Computed(meeting.values, tuple(meeting.changed(one) for one in jacobians))
 
-    return ObservationType(
-        key=f"{MOVING}/{model.key}",
-        written=WRITTEN,
-        components=COMPONENTS,
-        references=REFERENCES,
-        slots=(*FRAME_SLOTS, *MOTION_SLOTS, Slot(interior_key(model.key), "image", "interior"), POINT_SLOT),
-        equation=equation,
-        constants=(*MEASURED, *model.constants, *PHASE),
-    )
+    return _of_images(MOVING, model, (*FRAME_SLOTS, *MOTION_SLOTS), equation, PHASE)
 
 
 At = TypeVar("At")
@@ -312,20 +305,8 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
         ends = np.cumsum([one.shape[2] for one in fixed_time])
         return Computed(values, tuple(np.split(crossed, ends[:-1], axis=2)))
 
-    return ObservationType(
-        key=f"{SCANNER} {knots}/{model.key}",
-        written=WRITTEN,
-        components=COMPONENTS,
-        references=REFERENCES,
-        slots=(
-            *knot_slots(knots, "image"),
-            *FRAME_SLOTS[2:],
-            Slot(interior_key(model.key), "image", "interior"),
-            POINT_SLOT,
-        ),
-        equation=equation,
-        constants=(*MEASURED, *model.constants, *ROW, *clock_constants(knots)),
-    )
+    slots = (*knot_slots(knots, "image"), *FRAME_SLOTS[2:])
+    return _of_images(f"{SCANNER} {knots}", model, slots, equation, (*ROW, *clock_constants(knots)))
 
 
 class _TimedPoints(NamedTuple):
@@ -388,21 +369,9 @@ def shutter_on_trajectory(model_key: str, knots: int) -> ObservationType:
         )
         return Computed(meeting.values, tuple(meeting.changed(one) for one in jacobians))
 
-    return ObservationType(
-        key=f"{ON_TRAJECTORY} {knots} {MOVING}/{model.key}",
-        written=WRITTEN,
-        components=COMPONENTS,
-        references=REFERENCES,
-        slots=(
-            *knot_slots(knots, "image"),
-            *FRAME_SLOTS[2:],
-            READOUT_SLOT,
-            Slot(interior_key(model.key), "image", "interior"),
-            POINT_SLOT,
-        ),
-        equation=equation,
-        constants=(*MEASURED, *model.constants, *PHASE, *clock_constants(knots)),
-    )
+    slots = (*knot_slots(knots, "image"), *FRAME_SLOTS[2:], READOUT_SLOT)
+    key = f"{ON_TRAJECTORY} {knots} {MOVING}"
+    return _of_images(key, model, slots, equation, (*PHASE, *clock_constants(knots)))
 
 
 def is_read_out_along(type_: ObservationType) -> bool:

@@ -55,7 +55,6 @@ ROTATION_RATE = BlockKind("rotation rate", tuple(Component(f"rate_{axis}", TURN_
 """How an image moves while it is read out, in its own axes."""
 SCALE = BlockKind("scale", (Component("scale", NUMBER, default=1.0),))
 DISTANCE_METER = BlockKind("distance meter", (Component("scale", NUMBER, default=1.0), Component("offset", LENGTH)))
-REFRACTION = BlockKind("refraction", (Component("refraction", NUMBER),))
 GNSS_FRAME = BlockKind(
     "gnss frame",
     (
@@ -105,7 +104,7 @@ KINDS = {
     for kind in (
         *INTERIORS.values(),
         DISTANCE_METER,
-        REFRACTION,
+        BlockKind("refraction", (Component("refraction", NUMBER),)),
         GNSS_FRAME,
         POSITION_SHIFT,
         ATTITUDE_SHIFT,

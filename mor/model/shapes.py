@@ -176,7 +176,6 @@ def _origin(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
 
 
 _ROTATIONS = (("rotation", "rotation"), ("rotation", "turn"))
-_SYSTEM = (("point", "position"), *_ROTATIONS, ("eccentricity", "offset"))
 
 
 def _relation(
@@ -196,7 +195,13 @@ RELATION_TYPES = {
     type_.key: type_
     for type_ in (
         _relation("axis", ANGLE, ("tilt_x", "tilt_y", "tilt_z"), _ROTATIONS, _axis),
-        _relation("axis_offset", LENGTH, ("x", "y", "z"), _SYSTEM, _origin),
+        _relation(
+            "axis_offset",
+            LENGTH,
+            ("x", "y", "z"),
+            (("point", "position"), *_ROTATIONS, ("eccentricity", "offset")),
+            _origin,
+        ),
     )
 }
 """Types that observe a feature in the local system of another one."""

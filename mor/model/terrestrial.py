@@ -53,7 +53,6 @@ ANGLE_TYPE = ObservationType(
 # ---- Spatial (position) angles: between the sights to two targets, in the plane of the three, as a sextant reads them.
 
 UP = np.array([0.0, 0.0, 1.0])
-_REFERENCES = ("at", "from", "to")
 
 
 def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -86,9 +85,11 @@ SPATIAL_ANGLE = ObservationType(
     key="spatial_angle",
     drawn="direction",
     components=(Component("angle", ANGLE),),
-    references=tuple(Reference(name, POSITIONS) for name in _REFERENCES),
+    references=ANGLE_TYPE.references,
     slots=tuple(
-        Slot(kind, name, part) for name in _REFERENCES for kind, part in (("point", "position"), ("height", "height"))
+        Slot(kind, end.name, part)
+        for end in ANGLE_TYPE.references
+        for kind, part in (("point", "position"), ("height", "height"))
     ),
     equation=equation,
     distances=("at", "to"),
@@ -175,19 +176,13 @@ DISTANCE_RATIO = ObservationType(
     key="distance_ratio",
     drawn="distance",
     components=(Component("ratio", NUMBER),),
-    references=tuple(Reference(name, POSITIONS) for name in _REFERENCES),
-    slots=tuple(
-        Slot(kind, name, part) for name in _REFERENCES for kind, part in (("point", "position"), ("height", "height"))
-    ),
+    references=SPATIAL_ANGLE.references,
+    slots=SPATIAL_ANGLE.slots,
     equation=_ratio,
 )
 
 
 # ---- Vertical directions and zenith angles between two positions, either face, with refraction (MOR eq. 15).
-
-FACE = Component("face", NUMBER, default=1.0)
-RADIUS = Component("earth radius", LENGTH, default=EARTH_RADIUS)
-REFRACTION_SLOT = Slot("refraction", "instrument", "refraction")
 
 
 def bent_elevation(
@@ -233,21 +228,17 @@ VERTICAL_DIRECTION = ObservationType(
     drawn="direction",
     components=(Component("vertical_direction", ANGLE),),
     references=FROM_TO,
-    slots=(*BETWEEN_SLOTS, REFRACTION_SLOT),
+    slots=(*BETWEEN_SLOTS, Slot("refraction", "instrument", "refraction")),
     equation=vertical_direction,
-    constants=(RADIUS,),
+    constants=(Component("earth radius", LENGTH, default=EARTH_RADIUS),),
     distances=("from", "to"),
 )
-ZENITH_ANGLE = ObservationType(
+ZENITH_ANGLE = VERTICAL_DIRECTION._replace(
     key="zenith_angle",
-    drawn="direction",
     components=(Component("zenith_angle", ANGLE),),
-    references=FROM_TO,
-    slots=(*BETWEEN_SLOTS, REFRACTION_SLOT),
     equation=zenith_angle,
-    constants=(RADIUS, FACE),
+    constants=(*VERTICAL_DIRECTION.constants, Component("face", NUMBER, default=1.0)),
     tell_face=face_of_zenith,
-    distances=("from", "to"),
 )
 
 
@@ -312,10 +303,10 @@ def _direction_type(key: str, vertical: str, zenith: bool) -> ObservationType:
             Slot("height", "station", "height"),
             Slot("point", "to", "position"),
             Slot("height", "to", "height"),
-            REFRACTION_SLOT,
+            Slot("refraction", "instrument", "refraction"),
         ),
         equation=_on_the_circle(zenith),
-        constants=(RADIUS, FACE),
+        constants=ZENITH_ANGLE.constants,
         tell_face=face_of_zenith if zenith else face_of_vertical,
         distances=("station", "to"),
         turns=(0,),

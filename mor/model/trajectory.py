@@ -10,7 +10,7 @@ import numpy as np
 
 from mor.model.contract import Computed, Equation, ObservationType, Reference, Slot
 from mor.model.motion import Path, TrajectoryPoses, by_ends, path_of, right_jacobian, small_rotations
-from mor.model.parameters import ATTITUDE_SHIFT, MOTIONS, POSITION_SHIFT, TIME_OFFSET
+from mor.model.parameters import ATTITUDE_SHIFT, MOTIONS, POSITION_SHIFT, TIME_OFFSET, BlockKind
 from mor.model.rotations import angles_by_tangent, angles_from_rotation, by_rotation, exponential
 from mor.types import FloatArray
 from mor.units import ANGLE, LENGTH, NUMBER, SPEED, TIME, TURN_RATE, Component, Quantity
@@ -111,9 +111,25 @@ def on_trajectory(type_: ObservationType, knots: int) -> ObservationType:
 
 POSITION, ATTITUDE = "trajectory_position", "trajectory_attitude"
 """What a project calls these types."""
-SINCE_MIDDLE = Component("time since the middle of the strip", TIME)
-_REFERENCES = (Reference("trajectory", ("trajectory",)),)
-_OFFSET = Slot(TIME_OFFSET.key, "instrument", TIME_OFFSET.key)
+
+
+def _observed_pose(
+    key: str, components: tuple[Component, ...], mounting: Slot, shift: BlockKind, equation: Equation, knots: int
+) -> ObservationType:
+    """A type with the slots of the knots and of the instrument: its mounting, shift and time offset."""
+    return ObservationType(
+        key=f"{key} {knots}",
+        written=key,
+        components=components,
+        references=(Reference("trajectory", ("trajectory",)),),
+        slots=(
+            *knot_slots(knots, "trajectory"),
+            mounting,
+            *(Slot(kind.key, "instrument", kind.key) for kind in (shift, TIME_OFFSET)),
+        ),
+        equation=equation,
+        constants=(Component("time since the middle of the strip", TIME), *clock_constants(knots)),
+    )
 
 
 @cache
@@ -140,21 +156,10 @@ def trajectory_position(knots: int) -> ObservationType:
             ),
         )
 
-    return ObservationType(
-        key=f"{POSITION} {knots}",
-        written=POSITION,
-        components=tuple(Component(name, LENGTH) for name in "xyz"),
-        references=_REFERENCES,
-        slots=(
-            *knot_slots(knots, "trajectory"),
-            Slot("eccentricity", "instrument", "lever arm"),
-            Slot(POSITION_SHIFT.key, "instrument", POSITION_SHIFT.key),
-            _OFFSET,
-        ),
-        equation=equation,
-        constants=(SINCE_MIDDLE, *clock_constants(knots)),
-        in_object_axes=True,
-    )
+    components = tuple(Component(name, LENGTH) for name in "xyz")
+    lever_arm = Slot("eccentricity", "instrument", "lever arm")
+    found = _observed_pose(POSITION, components, lever_arm, POSITION_SHIFT, equation, knots)
+    return found._replace(in_object_axes=True)
 
 
 @cache
@@ -184,20 +189,9 @@ def trajectory_attitude(knots: int) -> ObservationType:
             ),
         )
 
-    return ObservationType(
-        key=f"{ATTITUDE} {knots}",
-        written=ATTITUDE,
-        components=tuple(Component(name, ANGLE) for name in ("omega", "phi", "kappa")),
-        references=_REFERENCES,
-        slots=(
-            *knot_slots(knots, "trajectory"),
-            Slot("rotation", "instrument", "boresight"),
-            Slot(ATTITUDE_SHIFT.key, "instrument", ATTITUDE_SHIFT.key),
-            _OFFSET,
-        ),
-        equation=equation,
-        constants=(SINCE_MIDDLE, *clock_constants(knots)),
-    )
+    components = tuple(Component(name, ANGLE) for name in ("omega", "phi", "kappa"))
+    mounting = Slot("rotation", "instrument", "boresight")
+    return _observed_pose(ATTITUDE, components, mounting, ATTITUDE_SHIFT, equation, knots)
 
 
 def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray) -> FloatArray:
@@ -212,8 +206,6 @@ def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray
 #
 # and the same of attitudes with the small rotations θ between neighbouring knots, exp(−[θ]×) D₁ = D₂, instead of the
 # differences: rates of rotation, and their changes, about the axes of the trajectory.
-
-_ACCELERATION, _TURNING = Quantity(length=1, time=-2), Quantity(angle=1, time=-2)
 
 
 def _constant_position(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -274,8 +266,14 @@ STEADINESS = {
     for type_ in (
         _type("constancy of position", "point", ("vx", "vy", "vz"), SPEED, _constant_position),
         _type("constancy of attitude", "rotation", ("rate_x", "rate_y", "rate_z"), TURN_RATE, _constant_attitude),
-        _type("smoothness of position", "point", ("ax", "ay", "az"), _ACCELERATION, _smooth_position),
-        _type("smoothness of attitude", "rotation", ("turn_ax", "turn_ay", "turn_az"), _TURNING, _smooth_attitude),
+        _type("smoothness of position", "point", ("ax", "ay", "az"), Quantity(length=1, time=-2), _smooth_position),
+        _type(
+            "smoothness of attitude",
+            "rotation",
+            ("turn_ax", "turn_ay", "turn_az"),
+            Quantity(angle=1, time=-2),
+            _smooth_attitude,
+        ),
     )
 }
 """Types by the keys of a trajectory that ask for them, as ("constancy", "position")."""

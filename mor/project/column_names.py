@@ -32,37 +32,10 @@ def _precisions(names: str) -> str:
     return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
 
 
-_BETWEEN = {**_HEIGHTS, "sigma": NAMES.standard_deviation, "epoch": "epoch|epoche"}
 GENERAL_DISTANCES = "distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
 """Names of distances that may be horizontal or in space."""
-_BEARING_DISTANCE = f"{NAMES.plan_distance}|{GENERAL_DISTANCES}"
-"""Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _POINTS = {"x": NAMES.x, "y": NAMES.y, "z": NAMES.z}
 AXES = {"x": "xe", "y": "yn", "z": "zhu"}
-_STATED = {
-    f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
-    for ours, names in AXES.items()
-} | {"sigma": "std|stdev|accuracy"}
-_COVARIANCES = {
-    f"cov_d{a}_d{b}": "|".join(
-        form.format(one, other)
-        for one, other in product(AXES[a], AXES[b])
-        for form in ("c{}{}", "cov{}{}", "q{}{}", "covd{}d{}")
-    )
-    for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-}
-_VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in AXES.items()}
-_ENDS = {
-    "from": "from|von|fra|start|pointa|frompoint|fromstation|fromstn|desde|da|od",
-    "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
-}
-"""Names of both ends of a line, which no list of points has."""
-_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{NAMES.point}|{NAMES.to}")
-"""Names of points with a staff, without those that may be numbers of rows or readings."""
-_MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
-"""Names of the hair that is the reading, behind the name of the reading."""
-_STAFF_HEIGHTS = ("height", "hgt")
-"""Names of the height at which a staff is read, behind the name of the reading."""
 STAFF_DISTANCES = {"back_distance": NAMES.back_distance, "fore_distance": NAMES.fore_distance}
 
 
@@ -72,159 +45,202 @@ def _joined(names: str, *ends: object) -> str:
 
 SECOND_READINGS = {"back2": _joined(NAMES.back, 2), "fore2": _joined(NAMES.fore, 2)}
 """Readings of a second instrument on the same points."""
-KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
-    "image": (
-        {
-            "image": f"{NAMES.image}|img|filename|picture|imagefile|photoname",
-            "point": f"{NAMES.point}|id|target",
-            "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
-            "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
-        },
-        {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
-    ),
-    "zenith_directions": (
-        {
-            "station": NAMES.from_,
-            "to": f"{NAMES.to}|{NAMES.point}|id",
-            "horizontal": f"{NAMES.horizontal}|r",
-            "zenith": NAMES.zenith,
-        },
-        {
-            **SIGHT,
-            "sigma_horizontal": _precisions("hz|ha|dir|direc|direction|horizontal"),
-            "sigma_zenith": _precisions("v|zenith|zd"),
-            "sigma": "",
-        },
-    ),
-    "directions": (
-        {"station": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}|id", "horizontal": f"{NAMES.horizontal}|r"},
-        {**SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz|ha')}|{NAMES.standard_deviation}|md"},
-    ),
-    "angle": (
-        {
-            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation|测站|测站点",
-            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint|后视|后视点",
-            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint|前视|前视点",
-            "angle": "angle|ang|winkel|angleright|horizontalangle|观测角|角度|角值|转折角|水平角|夹角",
-        },
-        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{NAMES.standard_deviation}"},
-    ),
-    "levelling between points": (
-        {
-            "from": f"后视点|后视|{NAMES.from_}|bspoint|backpoint|backsightstation",
-            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint|前视点|前视",
-            "back": _joined(NAMES.back, "", 1),
-            "fore": _joined(NAMES.fore, "", 1),
-        },
-        {**SECOND_READINGS, **STAFF_DISTANCES, "distance": NAMES.length},
-    ),
-    "levelling": (
-        {
-            "point": f"{_NAMED}|{NAMES.from_}|{NAMES.point}|id|remarks|remark|bemerkung",
-            "back": _joined(NAMES.back, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
-            "fore": _joined(NAMES.fore, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
-        },
-        {
-            **SECOND_READINGS,
-            "between": _joined(NAMES.between, "", *_MIDDLE, *_STAFF_HEIGHTS),
-            "distance": NAMES.length,
-            **STAFF_DISTANCES,
-            "height": _POINTS["z"],
-        },
-    ),
-    "levelling by codes": (
-        {
-            "point": f"{_NAMED}|{NAMES.point}|id",
-            "reading": "height|hoogte|hoehe|reading|staffreading",
-            "code": "meastype|measurementtype|meettype|messtyp|messart",
-        },
-        {"distance": f"{NAMES.length}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
-    ),
-    "vector": (
-        {"from": NAMES.from_, "to": NAMES.to, **_VECTOR},
-        {
-            **_BETWEEN,
-            **_COVARIANCES,
-            **{f"sigma_d{axis}": f"sd{axis}|md{axis}|{_STATED[f'sigma_{axis}']}" for axis in AXES},
-        },
-    ),
-    "zenith_angle": ({"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "zenith_angle": NAMES.zenith}, _BETWEEN),
-    "bearing": ({"from": NAMES.from_, "to": NAMES.to, "bearing": NAMES.bearing}, _BETWEEN),
-    "traverse by legs": (
-        {
-            "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach|lado|linea|tramo|alineacion|cote|lato",
-            "bearing": NAMES.bearing,
-            "distance": _BEARING_DISTANCE,
-        },
-        {},
-    ),
-    "traverse by angles": (
-        {
-            "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
-            "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
-            "|beta|β|measuredangle|measuredangles|horangle|horang|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
-            "distance": f"{_BEARING_DISTANCE}|svor|s",
-        },
-        {},
-    ),
-    "traverse": (
-        {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": _BEARING_DISTANCE},
-        {},
-    ),
-    "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, _BETWEEN),
-    "distance": (
-        {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": f"{NAMES.distance}|s"},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist|sd')}|sderror|{NAMES.standard_deviation}|ms"},
-    ),
-    "height_difference": (
-        {
-            "from": NAMES.from_,
-            "to": NAMES.to,
-            "dz": NAMES.height_difference,
-        },
-        {
-            "sigma": f"{_precisions('dz|dh|hdiff|lv|vd')}|calcerr|{NAMES.standard_deviation}",
-            "length": f"km|lengthkm|skm|l|s|{NAMES.length}",
-            "epoch": "epoch|epoche",
-        },
-    ),
-    "horizontal_distance": (
-        {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist|hd')}|{NAMES.standard_deviation}"},
-    ),
-    "observations by type": (
-        {
-            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo|obs",
-            "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
-        },
-        {"unit": "units|einheit|unidad|unite"},
-    ),
-    "images": (
-        {"id": f"id|{NAMES.image}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
-        {**_POINTS, **_STATED, "camera": "kamera"},
-    ),
-    "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
-    "stations": ({"id": f"id|{NAMES.from_}", "orientation": "orientierung"}, {"point": NAMES.point, "height": "ih|hi"}),
-    "stations over points": ({"id": "id|station", "point": NAMES.point, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", **_POINTS}, _STATED),
-    "vector by coordinates": (
-        {**_ENDS, **{f"d{axis}": names for axis, names in _POINTS.items()}},
-        {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
-    ),
-    "height_difference by heights": (
-        {**_ENDS, "dz": "height|elevation|h"},
-        {"sigma": f"{_precisions('height|elevation|h')}|{NAMES.standard_deviation}", "length": f"km|{NAMES.length}"},
-    ),
-    "images with positions": ({"id": NAMES.image, **_POINTS}, _STATED),
-    "points in the plane": (
-        {"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", "x": _POINTS["x"], "y": _POINTS["y"]},
-        _STATED,
-    ),
-    "points with heights": (
-        {"id": f"id|{NAMES.point}|nn", "z": _POINTS["z"]},
-        {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
-    ),
-}
+
+
+def _kinds_of_tables() -> Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]]:
+    between = {**_HEIGHTS, "sigma": NAMES.standard_deviation, "epoch": "epoch|epoche"}
+    # Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it.
+    bearing_distance = f"{NAMES.plan_distance}|{GENERAL_DISTANCES}"
+    stated = {
+        f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
+        for ours, names in AXES.items()
+    } | {"sigma": "std|stdev|accuracy"}
+    covariances = {
+        f"cov_d{a}_d{b}": "|".join(
+            form.format(one, other)
+            for one, other in product(AXES[a], AXES[b])
+            for form in ("c{}{}", "cov{}{}", "q{}{}", "covd{}d{}")
+        )
+        for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+    }
+    vector = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in AXES.items()}
+    # Names of both ends of a line, which no list of points has.
+    ends = {
+        "from": "from|von|fra|start|pointa|frompoint|fromstation|fromstn|desde|da|od",
+        "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
+    }
+    # Names of points with a staff, without those that may be numbers of rows or readings.
+    named = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{NAMES.point}|{NAMES.to}")
+    # Names of the hair that is the reading, behind the name of the reading.
+    middle = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
+    # Names of the height at which a staff is read, behind the name of the reading.
+    staff_heights = ("height", "hgt")
+    return {
+        "image": (
+            {
+                "image": f"{NAMES.image}|img|filename|picture|imagefile|photoname",
+                "point": f"{NAMES.point}|id|target",
+                "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
+                "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
+            },
+            {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
+        ),
+        "zenith_directions": (
+            {
+                "station": NAMES.from_,
+                "to": f"{NAMES.to}|{NAMES.point}|id",
+                "horizontal": f"{NAMES.horizontal}|r",
+                "zenith": NAMES.zenith,
+            },
+            {
+                **SIGHT,
+                "sigma_horizontal": _precisions("hz|ha|dir|direc|direction|horizontal"),
+                "sigma_zenith": _precisions("v|zenith|zd"),
+                "sigma": "",
+            },
+        ),
+        "directions": (
+            {"station": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}|id", "horizontal": f"{NAMES.horizontal}|r"},
+            {**SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz|ha')}|{NAMES.standard_deviation}|md"},
+        ),
+        "angle": (
+            {
+                "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation|测站|测站点",
+                "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint|后视|后视点",
+                "to": "to|nach|foresight|fs|topoint|tostation|secondpoint|前视|前视点",
+                "angle": "angle|ang|winkel|angleright|horizontalangle|观测角|角度|角值|转折角|水平角|夹角",
+            },
+            {**between, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{NAMES.standard_deviation}"},
+        ),
+        "levelling between points": (
+            {
+                "from": f"后视点|后视|{NAMES.from_}|bspoint|backpoint|backsightstation",
+                "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint|前视点|前视",
+                "back": _joined(NAMES.back, "", 1),
+                "fore": _joined(NAMES.fore, "", 1),
+            },
+            {**SECOND_READINGS, **STAFF_DISTANCES, "distance": NAMES.length},
+        ),
+        "levelling": (
+            {
+                "point": f"{named}|{NAMES.from_}|{NAMES.point}|id|remarks|remark|bemerkung",
+                "back": _joined(NAMES.back, *middle, "", 1, *staff_heights),
+                "fore": _joined(NAMES.fore, *middle, "", 1, *staff_heights),
+            },
+            {
+                **SECOND_READINGS,
+                "between": _joined(NAMES.between, "", *middle, *staff_heights),
+                "distance": NAMES.length,
+                **STAFF_DISTANCES,
+                "height": _POINTS["z"],
+            },
+        ),
+        "levelling by codes": (
+            {
+                "point": f"{named}|{NAMES.point}|id",
+                "reading": "height|hoogte|hoehe|reading|staffreading",
+                "code": "meastype|measurementtype|meettype|messtyp|messart",
+            },
+            {"distance": f"{NAMES.length}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
+        ),
+        "vector": (
+            {"from": NAMES.from_, "to": NAMES.to, **vector},
+            {
+                **between,
+                **covariances,
+                **{f"sigma_d{axis}": f"sd{axis}|md{axis}|{stated[f'sigma_{axis}']}" for axis in AXES},
+            },
+        ),
+        "zenith_angle": (
+            {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "zenith_angle": NAMES.zenith},
+            between,
+        ),
+        "bearing": ({"from": NAMES.from_, "to": NAMES.to, "bearing": NAMES.bearing}, between),
+        "traverse by legs": (
+            {
+                "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach"
+                "|lado|linea|tramo|alineacion|cote|lato",
+                "bearing": NAMES.bearing,
+                "distance": bearing_distance,
+            },
+            {},
+        ),
+        "traverse by angles": (
+            {
+                "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
+                "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
+                "|beta|β|measuredangle|measuredangles|horangle|horang|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
+                "distance": f"{bearing_distance}|svor|s",
+            },
+            {},
+        ),
+        "traverse": (
+            {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": bearing_distance},
+            {},
+        ),
+        "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, between),
+        "distance": (
+            {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": f"{NAMES.distance}|s"},
+            {**between, "sigma": f"{_precisions('distance|dist|sd')}|sderror|{NAMES.standard_deviation}|ms"},
+        ),
+        "height_difference": (
+            {
+                "from": NAMES.from_,
+                "to": NAMES.to,
+                "dz": NAMES.height_difference,
+            },
+            {
+                "sigma": f"{_precisions('dz|dh|hdiff|lv|vd')}|calcerr|{NAMES.standard_deviation}",
+                "length": f"km|lengthkm|skm|l|s|{NAMES.length}",
+                "epoch": "epoch|epoche",
+            },
+        ),
+        "horizontal_distance": (
+            {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": bearing_distance},
+            {**between, "sigma": f"{_precisions('distance|dist|hd')}|{NAMES.standard_deviation}"},
+        ),
+        "observations by type": (
+            {
+                "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo|obs",
+                "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
+            },
+            {"unit": "units|einheit|unidad|unite"},
+        ),
+        "images": (
+            {"id": f"id|{NAMES.image}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
+            {**_POINTS, **stated, "camera": "kamera"},
+        ),
+        "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **stated}),
+        "stations": (
+            {"id": f"id|{NAMES.from_}", "orientation": "orientierung"},
+            {"point": NAMES.point, "height": "ih|hi"},
+        ),
+        "stations over points": ({"id": "id|station", "point": NAMES.point, "height": "ih|hi"}, {"set": ""}),
+        "points": ({"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", **_POINTS}, stated),
+        "vector by coordinates": (
+            {**ends, **{f"d{axis}": names for axis, names in _POINTS.items()}},
+            {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
+        ),
+        "height_difference by heights": (
+            {**ends, "dz": "height|elevation|h"},
+            {
+                "sigma": f"{_precisions('height|elevation|h')}|{NAMES.standard_deviation}",
+                "length": f"km|{NAMES.length}",
+            },
+        ),
+        "images with positions": ({"id": NAMES.image, **_POINTS}, stated),
+        "points in the plane": (
+            {"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", "x": _POINTS["x"], "y": _POINTS["y"]},
+            stated,
+        ),
+        "points with heights": (
+            {"id": f"id|{NAMES.point}|nn", "z": _POINTS["z"]},
+            {"sigma_z": stated["sigma_z"], "sigma": stated["sigma"]},
+        ),
+    }
+
+
+KINDS = _kinds_of_tables()
 """Columns that a kind of table must have, and those that it may have, with other names for each.
 
 The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.

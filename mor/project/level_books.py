@@ -33,7 +33,6 @@ _CODES = {
 }
 """Codes of staff readings in a column of their own; others are those of results."""
 _READINGS = ("back", "fore", "between", *STAFF_DISTANCES)
-_DISTANCES = ("distance", *STAFF_DISTANCES)
 _TO_ITSELF = "height differences from a point to itself"
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
@@ -138,7 +137,8 @@ def _levelled(book: _Book, heights: _Heights) -> tuple[Found, ...]:
     values = [abs(value) for ours in read for value in table.numbers(ours)]
     unit = next((table.units[name] for name in read if name in table.units), "")
     units = {"dz": unit or ("mm" if values and median(values) > _STAFF else "")}
-    units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
+    distances = ("distance", *STAFF_DISTANCES)
+    units["length"] = next((table.units[name] for name in distances if name in table.units), "")
     cells = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
     notes: tuple[str, ...] = (*table.notes, f"{counted(len(found), 'height difference')} from the staff readings")
     if len(lines) > 1:
@@ -178,7 +178,7 @@ def _levelled(book: _Book, heights: _Heights) -> tuple[Found, ...]:
     differences = written._replace(
         kind="height_difference",
         columns=dict(zip(names, names, strict=True)),
-        unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
+        unused=(*table.unused, *(table.columns[n] for n in distances if n in table.columns and "length" not in names)),
         units={name: unit for name, unit in units.items() if unit and name in names},
         header=tuple(names),
         rows=tuple(cells),

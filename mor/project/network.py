@@ -12,7 +12,7 @@ import numpy as np
 from mor.errors import InputError, Message, UndeterminedObject, counted
 from mor.input_files import read_text
 from mor.model.contract import PERFECT_SET_UP, ObservationGroup, some_rows
-from mor.model.coordinates import AT_INFINITY, FREE_TURNS, at_infinity, target_slot
+from mor.model.coordinates import AT_INFINITY, at_infinity, target_slot
 from mor.model.earth import LocalSphere
 from mor.model.parameters import Blocks, Values
 from mor.model.rotations import rotation_from_angles
@@ -779,10 +779,11 @@ def _with_directions(blocks: Blocks, ids: Sequence[str]) -> Blocks:
     about = np.zeros(count, dtype=bool) if blocks.about_axes is None else blocks.about_axes
     own = np.broadcast_to(np.arange(count, count + more)[:, None], (more, 3))
     apart = blocks.difference
+    free = np.array([True, True, False])  # turns about the axes of D that move u: not the one about u itself
     return blocks._replace(
         difference=None if apart is None else np.concatenate([apart, np.zeros((more, 3))]),
         ids=(*blocks.ids, *ids),
-        free=np.concatenate([blocks.free, np.broadcast_to(np.array(FREE_TURNS), (more, 3))]),
+        free=np.concatenate([blocks.free, np.broadcast_to(free, (more, 3))]),
         owner=np.concatenate([blocks.owner, own]),
         about_axes=np.concatenate([about, np.ones(more, dtype=bool)]),
     )

@@ -70,7 +70,6 @@ from mor.project.tidying import (
 )
 from mor.units import ANGLE_UNITS
 
-_GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
 """What programs write into empty cells; an asterisk is the σ of what is free."""
 _BRACKETED_UNIT = re.compile(rf" ([(\[](?:{'|'.join(map(re.escape, UNITS_OF_NAMES))})[)\]])(?= |$)", re.IGNORECASE)
@@ -369,7 +368,8 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     named = named_columns(header)
     kinds = kinds_of(named)
     tell_elevations(kinds, header, rows[has_header:])
-    places = [cell for cell, text, _ in named if _GEOGRAPHIC.fullmatch(text)]
+    geographic = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
+    places = [cell for cell, text, _ in named if geographic.fullmatch(text)]
     if len(places) > 1 and kinds.keys() <= {"points with heights"}:
         words = (
             f"found latitudes and longitudes (columns {', '.join(places)}), expected coordinates in metres; in a "

@@ -144,11 +144,6 @@ class TableLocation:
 # bytes first, and the lines of the rows are remembered. Where columns do not hold plain numbers only, they
 # are read as texts. Rows are looked at one by one only where quotes hide separators.
 
-_PART = 1 << 24
-"""Bytes of a file that are looked at together."""
-_SKIPPED = "skip {}"
-"""Name of a column that is left out."""
-
 
 class _Text(NamedTuple):
     """Bytes without comments and empty lines, and the line of every one that is left."""
@@ -249,7 +244,8 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
 
 
 def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
-    found = [np.flatnonzero(data[start : start + _PART] == ord("\n")) + start for start in range(0, len(data), _PART)]
+    part = 1 << 24  # bytes that are looked at together
+    found = [np.flatnonzero(data[start : start + part] == ord("\n")) + start for start in range(0, len(data), part)]
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
@@ -274,7 +270,7 @@ def _without_comments(text: bytes, quotes: bool) -> bytes:
 
 def _header(cleaned: _Text, table: TableEntry) -> list[str]:
     if isinstance(table.columns, list):
-        return [name or _SKIPPED.format(k) for k, name in enumerate(table.columns)]
+        return [name or f"skip {k}" for k, name in enumerate(table.columns)]  # without a name: a column to be left out
     return [cell.strip() for cell in _cells(_first_line(cleaned).decode("utf-8"), table.delimiter or ",")]
 
 

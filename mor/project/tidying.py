@@ -39,8 +39,6 @@ from mor.project.column_names import (
 )
 from mor.project.headerless import titles_of_sections
 
-_ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
-"""Kind and column of vertical circles that read elevations, whose columns have the same names."""
 _PARTS = tuple(
     re.compile(f"(.*?)(?:{words})")
     for words in (
@@ -59,36 +57,12 @@ _HAIRS = tuple(
     )
 )
 """Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
-_HAIRED_NAMES = {"back": NAMES.back.split("|"), "fore": NAMES.fore.split("|"), "between": NAMES.between.split("|")}
 _PLACE = re.compile(r"[(\[]?\s*([-+]?\d+(?:\.\d*)?)\s*[,;]\s*([-+]?\d+(?:\.\d*)?)\s*[)\]]?")
 """x and y in one cell."""
-_STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
-"""Columns that hold for the rows below as well, until another station stands there."""
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
-_PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
-"""Headings of a quadrant bearing in columns of its own."""
-_VARIANCE = re.compile(
-    r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared)"
-    r"|(?P<before>dist|distance|dir|direction|hz|angle|dh|dz)var(?:iance)?)"
-)
-"""Headings of variances, perhaps of a coordinate or reading."""
-_HELD = re.compile(
-    r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
-)
-"""Headings of columns that say whether a point, or a coordinate of it, is fixed."""
-_OFF = re.compile(
-    r"(?:is)?(?:ignored?|reject(?:ed)?|excluded?|disabled?|omit(?:ted)?|skip(?:ped)?|outlier|unused|sluk)"
-)
-_ON = re.compile(r"(?:is)?(?:used?|active|enabled?|included?|aktiv)")
-"""Headings of columns that say which rows are not to be used, and which are."""
 _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
-_LEGEND = re.compile(r"([^\W_]+)\s*[\[(=:]\s*([^\W_]+)")
-"""What signs in a column mean, as its heading says: Known[n]/Unknown[u]."""
-_ROLE = re.compile("(?:point)?(?:type|status|role|class)")
-_ROLES = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new", "p": "free"}
-"""Letters of known and new points below a heading that says no more."""
 _FACES = {"": "", "1": "1", "2": "2"} | {
     word: face
     for face, words in (
@@ -498,7 +472,9 @@ def tidied_rows(rows: Cells) -> tuple[Cells, dict[str, str]]:
     if not kinds_of(named):
         return _with_stations(header, body) or rows, stated
     columns: Mapping[str, str] = next(iter(kinds_of(named).values()))
-    places = [header.index(columns[name]) for name in _STATION if name in columns]
+    # Columns that hold for the rows below as well, until another station stands there.
+    kept = ("station", "at", "from", "station_height", "at_height", "from_height")
+    places = [header.index(columns[name]) for name in kept if name in columns]
     body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
     if not stated and not any(empty[1:]):
@@ -572,7 +548,8 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
 def _hairs(header: Sequence[str]) -> dict[str, tuple[int, int, int]]:
     """Places of the upper, middle and lower hair of readings back, forward and between, where all three are."""
     names, found = [name_and_unit(cell.strip())[0] for cell in header], dict[str, tuple[int, int, int]]()
-    for ours, others in _HAIRED_NAMES.items():
+    for ours in ("back", "fore", "between"):
+        others = getattr(NAMES, ours).split("|")
         for forms in _HAIRS:
             rest = [[name[len(other) :] for other in others if name.startswith(other)] for name in names]
             places = [[k for k, ends in enumerate(rest) if any(map(form.fullmatch, ends))] for form in forms]
@@ -618,10 +595,12 @@ def with_whole_readings(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
 
 def with_whole_angles(rows: Cells) -> Cells:
     """Return rows with degrees, minutes and seconds of columns of their own in one."""
+    # Headings of a quadrant bearing in columns of its own.
+    quadrant_parts = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
     for k, row in enumerate(rows[:TITLES]):
         names = [_bare_name(cell) for cell in row]
         for j in range(len(row) - 2):
-            if quadrant := _PARTS_OF_QUADRANT.match(" ".join(names[j:])):
+            if quadrant := quadrant_parts.match(" ".join(names[j:])):
                 end = j + len(quadrant[0].split())
                 bearings = (
                     f"{line[j]} {'-'.join(map(_whole, line[j + 1 : end - 1]))} {line[end - 1]}"
@@ -697,12 +676,16 @@ def without_switched_off(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     """Rows without those that a column of yes and no leaves out, and a note on them."""
     header, body = (rows[0], rows[1:]) if rows else ((), ())
     kinds = kinds_of(named_columns([cell.strip() for cell in header]))
+    switched_off = re.compile(
+        r"(?:is)?(?:ignored?|reject(?:ed)?|excluded?|disabled?|omit(?:ted)?|skip(?:ped)?|outlier|unused|sluk)"
+    )
+    switched_on = re.compile(r"(?:is)?(?:used?|active|enabled?|included?|aktiv)")
     for k, name in enumerate(map(normalised, header)):
         cells = [normalised(cell_at(row, k)) or cell_at(row, k) for row in body]
         if not kinds or any(kind.startswith("points") for kind in kinds) or not set(cells) <= _YES | _NO:
             continue
-        if _OFF.fullmatch(name) or _ON.fullmatch(name):
-            unwanted = _YES if _OFF.fullmatch(name) else _NO
+        if switched_off.fullmatch(name) or switched_on.fullmatch(name):
+            unwanted = _YES if switched_off.fullmatch(name) else _NO
             kept = tuple(row for row, cell in zip(body, cells, strict=True) if cell not in unwanted)
             words = f"rows that the column {header[k].strip()} leaves out: {counted(len(body) - len(kept), 'row')}"
             return ((header, *kept), (words,)) if 0 < len(kept) < len(body) else (rows, ())
@@ -738,8 +721,13 @@ def with_sigmas(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     """
     header, body = (rows[0], rows[1:]) if rows else ((), ())
     names = [normalised(cell) for cell in header]
+    # Headings of variances, perhaps of a coordinate or reading.
+    variances = re.compile(
+        r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared)"
+        r"|(?P<before>dist|distance|dir|direction|hz|angle|dh|dz)var(?:iance)?)"
+    )
     for k, name in enumerate(names):
-        match = _VARIANCE.fullmatch(name)
+        match = variances.fullmatch(name)
         cells = [cell_at(row, k).replace(",", ".") for row in body]
         others = {"sigma", "sigma1"}.intersection(names)
         if match and not others and all(NUMBER.fullmatch(cell) and cell[0] != "-" for cell in cells if cell):
@@ -750,12 +738,20 @@ def with_sigmas(rows: Cells) -> tuple[Cells, tuple[str, ...]]:
     points = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
     former = [[cell.strip() for cell in header].index(points[name]) for name in points if name.startswith("sigma")]
     notes: tuple[str, ...] = ()
+    # Headings of columns that say whether a point, or a coordinate of it, is fixed.
+    held = re.compile(
+        r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
+    )
+    role = re.compile("(?:point)?(?:type|status|role|class)")
+    # What signs in a column mean, as its heading says: Known[n]/Unknown[u].
+    legend_entry = re.compile(r"([^\W_]+)\s*[\[(=:]\s*([^\W_]+)")
     for k, name in enumerate(names if points else ()):
-        match, signs = _HELD.fullmatch(name), dict[str, str]()
-        if len(legend := _LEGEND.findall(header[k])) > 1:
+        match, signs = held.fullmatch(name), dict[str, str]()
+        if len(legend := legend_entry.findall(header[k])) > 1:
             signs = {normalised(sign): normalised(word) for word, sign in legend}
-        elif _ROLE.fullmatch(name):
-            signs = _ROLES
+        elif role.fullmatch(name):
+            # Letters of known and new points; the heading says no more.
+            signs = {"c": "control", "k": "known", "f": "fixed", "u": "unknown", "n": "new", "p": "free"}
         cells = [normalised(cell_at(row, k)) or cell_at(row, k) for row in body]
         cells = [signs.get(cell, cell) for cell in cells]
         axis_named = match["axis"] if match else ""
@@ -922,7 +918,9 @@ def _with_stations(header: tuple[str, ...], rows: Cells) -> Cells:
 
 def tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Change kinds of zenith angles, in place, to those of elevations where the readings are such."""
-    for kind, (other, column) in _ELEVATIONS.items():
+    # Kind and column of vertical circles that read elevations, whose columns have the same names.
+    elevations = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
+    for kind, (other, column) in elevations.items():
         old = "zenith" if kind == "zenith_directions" else kind
         if kind not in kinds:
             continue

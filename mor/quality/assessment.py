@@ -179,7 +179,6 @@ BEYOND_USE = "the standard deviations of unknowns are too large to be useful"
 """Reasons of outcomes."""
 _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
-_LENGTHS, _CONSTANTS = ("point", "base"), ("c", "f", "fx", "fy")
 
 
 def checked(quality: Quality) -> Adjustment:
@@ -206,11 +205,12 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
     """
     problem, found, factor = quality.adjustment.problem, [], sigma_of_geometry(quality)
     size = _BEYOND_MEDIAN * median_distance(quality.adjustment)
+    lengths = ("point", "base")  # kinds of blocks whose components are lengths
     for kind, columns in problem.index.columns.items():
-        limit = size if kind in _LENGTHS else NOTHING_KNOWN if kind == "rotation" else np.inf
+        limit = size if kind in lengths else NOTHING_KNOWN if kind == "rotation" else np.inf
         limits = np.full(columns.shape, limit)
         if kind.startswith("interior/"):  # a camera constant counts as determined if it is 3 σ away from 0
-            of_constants = np.isin(KINDS[kind].names, _CONSTANTS)
+            of_constants = np.isin(KINDS[kind].names, ("c", "f", "fx", "fy"))
             limits = np.where(of_constants, np.abs(quality.adjustment.values[kind]) / 3.0, np.inf)
         elif not np.isfinite(limit) or limit <= 0.0:
             continue
@@ -224,12 +224,12 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
             components = np.flatnonzero(beyond[block])
             if kind == "point" and _has_direction(quality, int(block), limit, factor):
                 continue
-            if kind in _LENGTHS and _is_bound(quality, kind, int(block), limit):
+            if kind in lengths and _is_bound(quality, kind, int(block), limit):
                 continue
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
             amounts = sigma[block, components]
             ratio = float(np.nan_to_num(amounts / limits[block, components], nan=np.inf).max())
-            found.append(((kind in _LENGTHS or kind == "rotation", -ratio), labels, amounts))
+            found.append(((kind in lengths or kind == "rotation", -ratio), labels, amounts))
     found.sort(key=lambda one: one[0])
     return [
         Undetermined(labels, tuple(float(x) for x in amounts / amounts.max())) for _, labels, amounts in found[:1000]

@@ -28,15 +28,23 @@ from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
 from mor.quality.test_statistics import robust_sigma
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
-from mor.solve.iterate import A_WEAK_TURN, PAST_CAMERAS, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
+from mor.solve.iterate import (
+    A_WEAK_TURN,
+    NO_DATUM,
+    OPEN,
+    PAST_CAMERAS,
+    RAN_AWAY,
+    UNSETTLED,
+    Adjustment,
+    Outcome,
+    SolverSettings,
+    adjust,
+)
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
 from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Parts of a network that no observation connects: each would need a datum of its own.
-
-_NAMED = ("image", "station", "system", "point")
-"""Things that name a part, in this order."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +106,10 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
         yield np.repeat(poses + first_point, len(knots)), np.tile(knots, len(poses))
 
 
+_NAMED = ("image", "station", "system", "point")
+"""Things that name a part, in this order."""
+
+
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
@@ -117,29 +129,10 @@ def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Networ
 
 # ---- Things of a network that nothing determines: found one by one, or by what a null vector moves.
 
-OPEN = "unknowns are not determined by the observations"
-"""Reason of an outcome."""
-NO_OBSERVATION = "no observation refers to it"
-TOO_FEW = "it has fewer observations than unknowns"
-LOOSE = "its observations do not determine one of its directions"
 HANGS_ON = "it depends on other objects that are not determined"
-NOT_CONNECTED = "no observation connects it with the larger part of the network"
-MOVES_TOGETHER = "it can move together with others, and no observation changes"
-HARDLY_DETERMINED = "its standard deviations are too large to be useful"
 
 
 ONE_TIE = "it shares one point or none with the others, so nothing tells its direction"
-_LEVELLED = {
-    "directions",
-    "zenith_directions",
-    "zenith_angle",
-    "distance",
-    "horizontal_distance",
-    "bearing",
-    "height_difference",
-    "observed/point",
-}
-"""Types of a network of levelled instruments, whose stations can turn about the vertical only."""
 
 
 class _RigidPart(NamedTuple):
@@ -162,7 +155,18 @@ def without_hanging(network: Network) -> Network:
     point goes first, until none does.
     """
     types = {group.type.key for group in network.groups if group.count}
-    if not types <= _LEVELLED or not types & {"directions", "zenith_directions"}:
+    # Types of a network of levelled instruments, whose stations can turn about the vertical only.
+    levelled = {
+        "directions",
+        "zenith_directions",
+        "zenith_angle",
+        "distance",
+        "horizontal_distance",
+        "bearing",
+        "height_difference",
+        "observed/point",
+    }
+    if not types <= levelled or not types & {"directions", "zenith_directions"}:
         return network
     if network.blocks["rotation"].free[:, :2].any():
         return network
@@ -326,8 +330,14 @@ def without_loose(network: Network, values: Values, make: Callable[[Network, Val
 def _named(things: NetworkObjects, defects: LocalDefects, first: bool) -> list[UndeterminedObject]:
     named = []
     for k in np.flatnonzero(defects.loose).tolist():
-        reason = NO_OBSERVATION if defects.rows[k] == 0 else TOO_FEW if defects.too_few[k] else LOOSE
-        reason = reason if first else HANGS_ON
+        if not first:
+            reason = HANGS_ON
+        elif defects.rows[k] == 0:
+            reason = "no observation refers to it"
+        elif defects.too_few[k]:
+            reason = "it has fewer observations than unknowns"
+        else:
+            reason = "its observations do not determine one of its directions"
         named.append(UndeterminedObject(*things.name(k), reason, "left out", int(defects.rows[k])))
     return named
 
@@ -347,9 +357,13 @@ def without_moved(
     touched = {
         thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
     }
-    moved, reason = _apart(network, touched), NOT_CONNECTED
+    moved, reason = _apart(network, touched), "no observation connects it with the larger part of the network"
     if not moved:
-        reason = HARDLY_DETERMINED if adjustment.defect.beyond_use else MOVES_TOGETHER
+        reason = (
+            "its standard deviations are too large to be useful"
+            if adjustment.defect.beyond_use
+            else "it can move together with others, and no observation changes"
+        )
         moved = touched
     chosen = np.zeros(things.count, dtype=bool)
     chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
@@ -507,17 +521,12 @@ def _equations(
 # What is said of an iteration that failed is seen from its last values: a few further steps of it, and whether the
 # system is singular beside them as well.
 
-UNSETTLED = "the datum points do not define the datum"
-NO_DATUM = "the datum is not defined"
 AT_THE_START = "singular at the start values only: at other values the observations determine everything"
 PUT_ANYWHERE = (
     "but parts of the network have arbitrary positions because start values "
     "are missing: the observations may still determine it"
 )
 """Reasons of outcomes."""
-OF_THE_START = (AT_THE_START, PUT_ANYWHERE)
-"""Those that say nothing of the observations."""
-LISTED = 20
 
 
 class UnsettledUnknowns(NamedTuple):
@@ -550,7 +559,7 @@ def last_movements(adjustment: Adjustment) -> UnsettledUnknowns:
             squares = np.nan_to_num(np.sum((weight[:, :, None] * found.jacobian) ** 2, axis=1))
             np.add.at(diagonal, found.columns, squares)
     size = way * np.sqrt(diagonal[:-1])
-    order = np.argsort(-np.nan_to_num(size), kind="stable")[:LISTED]
+    order = np.argsort(-np.nan_to_num(size), kind="stable")[:20]
     order = order[size[order] > 0.0]
     labels = tuple(index.label(int(column)) for column in order)
     return UnsettledUnknowns(labels, steps[order], 1.0 - net[order] / way[order])
@@ -643,10 +652,8 @@ def _further_steps(adjustment: Adjustment) -> FloatArray:
 # alone; what only moves together with others shows in the null space of the whole. Points with parallel rays become
 # directions; whether their rays are parallel is asked again at the solution, where the poses are known better.
 
-ONE_PLACE = "all its rays come from one place: its distance is undetermined"
 AT_INFINITY: Final = "at infinity"
 PARALLEL = "its rays are parallel within their precision: it has a direction but no distance"
-NARROW_ANGLE = "its rays meet at a narrow angle"
 IN_CENTRE = "it lies in the projection centre of an image"
 PASSING = "steps lead it past a camera that sees it"
 BEYOND_FOLD = "an image sees it where the distortion of its camera folds the image"
@@ -731,7 +738,7 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     first = _with_far_points(network, start, start, found, means)
     if found.from_one_place().all() or first[1].is_complete or first[1].adjustment.defect.is_of_cameras:
         return first
-    others = without_points(network, found.points, NARROW_ANGLE)
+    others = without_points(network, found.points, "its rays meet at a narrow angle")
     if not any(group.count for group in others.groups):
         return first
     adjustment = means.solve(others, start).adjustment
@@ -961,7 +968,11 @@ def _adjusted(
     """
     leave = _leaves_out(network)
     whole, begun = _without_far(network, start, far, far_too)
-    reduced = without_loose(without_points(whole, blind, ONE_PLACE), begun, means.make)
+    reduced = without_loose(
+        without_points(whole, blind, "all its rays come from one place: its distance is undetermined"),
+        begun,
+        means.make,
+    )
     loose = reduced.undeterminable[len(whole.undeterminable) :]
     named = (*whole.undeterminable, *(thing._replace(treatment="") for thing in loose))
     if loose and not leave and len(loose) <= 30:  # so few are explained by the null space of the whole network

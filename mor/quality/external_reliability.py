@@ -314,9 +314,6 @@ def _entries(rows: IntArray, columns: IntArray, values: FloatArray) -> MatrixEnt
 
 # ---- Which point the suspicious observations move, and where to: what a gross error means for the result.
 
-MOST = 200
-"""Observations that are explained at most."""
-
 
 class PointEffect(NamedTuple):
     """Effect of an observation on the point that it moves most."""
@@ -364,7 +361,7 @@ def _points_of(quality: Quality, entry: ObservationComponent) -> list[int]:
 
 def _chosen(quality: Quality) -> list[ObservationComponent]:
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
-    wanted = min(flagged, MOST) or 10
+    wanted = min(flagged, 200) or 10
     best: list[tuple[float, ObservationComponent]] = []
     for number, (one, group) in enumerate(zip(quality.reliability, quality.adjustment.problem.groups, strict=True)):
         size = _sizes(one)
@@ -425,7 +422,6 @@ def _effect(
 # direction it has the share of the square of that movement, at most xᵀ Q_pp⁺ x, which is 1 where nothing else
 # determines it.
 
-_HALF = 0.5
 _FLAT = 1e-10
 """Part of the largest variance of a point below which it has none in a direction."""
 
@@ -450,13 +446,13 @@ def carried_points(quality: Quality, entries: list[ObservationComponent]) -> lis
     trace = np.trace(Q, axis1=1, axis2=2)
     determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
     above = np.maximum(determinant - _FLAT * trace**3, 0.0)
-    least = _HALF * np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
+    least = 0.5 * np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
     found = []
     for k in range(len(entries)):
         x = np.where(columns >= 0, moved[columns, k], 0.0)
         some = np.flatnonzero(np.einsum("pi,pi->p", x, x) >= least)
         share = np.sum(np.einsum("pij,pj->pi", _inverse_roots(Q[some]), x[some]) ** 2, axis=1)
-        carried = share > _HALF
+        carried = share > 0.5
         order = np.argsort(-np.round(share[carried], 6), kind="stable")
         found.append(some[carried][order])
     return found

@@ -208,9 +208,6 @@ def _is_normal(sizes: FloatArray, level: float) -> bool:
 # degrees of freedom are the directions that something controls: of two points that alone fix a plane network,
 # only the distance between them.
 
-MOST = 300
-"""Points that are tested at most."""
-
 
 class FixedPointTest(NamedTuple):
     """Test of the hypothesis that a fixed point stands where it is said to stand."""
@@ -231,7 +228,7 @@ def fixed_point_tests(quality: Quality) -> list[FixedPointTest]:
     """Tests of all points with fixed coordinates that observations look at, at most ``MOST``."""
     problem = quality.adjustment.problem
     _, fixed = network_components(problem, quality.adjustment.values)
-    points = np.flatnonzero(fixed.any(axis=1))[:MOST]
+    points = np.flatnonzero(fixed.any(axis=1))[:300]  # at most
     at_a_time = max(1, 20_000_000 // (3 * max(problem.index.count, 1)))
     tests: list[FixedPointTest] = []
     for piece in pieces(len(points), at_a_time):

@@ -114,8 +114,6 @@ def cost_of_choice(count: int, candidates: int, parameters: int, stretch: float)
 
 SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
-POINTS = 200
-"""Points that are looked at, the most doubtful first."""
 OF_THEMSELVES = ("observed/", "coordinates", "control")
 """Types of observations that tell where a point is without seeing it."""
 
@@ -221,7 +219,7 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
     in_doubt[list(but)] = False
     points = np.flatnonzero(in_doubt)
     points = points[np.argsort((good - bad)[points], kind="stable")]
-    return [int(k) for k in points[: max(POINTS - len(but), 0)]]
+    return [int(k) for k in points[: max(200 - len(but), 0)]]
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:
@@ -345,8 +343,6 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
-LARGEST_WEIGHT = "its observations contradict each other or the rest"
-"""Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
 _ROUNDS = 8

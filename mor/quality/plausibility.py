@@ -349,8 +349,6 @@ def _oriented(frames: AnyIntArray, size: FloatArray) -> FloatArray:
 # closes a loop with it, and points of known height close one with each other. The misclosure of a loop has
 # the variance of its lines together. All loops are tested with one level.
 
-_GROUND = -1
-
 
 class _Line(NamedTuple):
     start: int
@@ -406,7 +404,8 @@ def _lines(network: Network) -> list[_Line]:
         known = not free[block, 2] or np.isfinite(deviation[block, 2])
         if known and np.isfinite(value[block, 2]):
             variance = float(deviation[block, 2]) ** 2 if free[block, 2] else 0.0
-            lines.append(_Line(_GROUND, block, float(value[block, 2]), variance, None, 0))
+            ground = -1
+            lines.append(_Line(ground, block, float(value[block, 2]), variance, None, 0))
     return lines
 
 
@@ -670,9 +669,6 @@ def _all_near(group: ObservationGroup, component: int, suspicious: float) -> boo
 # to a tenth of its width. A σ beyond that is in another unit, or was meant for something else. A single row
 # of many that is given a large σ so as not to count is not noted.
 
-_SMALLEST = {"angle": 1e-9, "length": 1e-9, "image": 1e-7}
-_LARGEST = {"angle": 0.1, "length": 1.0, "image": 0.1}
-
 
 def implausible_sigmas(network: Network) -> Iterator[Message]:
     """Components of tables most of whose σ are implausible, with the first row."""
@@ -708,7 +704,8 @@ def _beyond(group: ObservationGroup, sigma: FloatArray, component: int) -> tuple
     if not kind or not here.any():
         return 0, 0
     own, sizes = sigma[here, component], _sizes(group, component, kind, here)
-    for sign, beyond in ((1, own < _SMALLEST[kind] * sizes), (-1, own > _LARGEST[kind] * sizes)):
+    smallest, largest = {"angle": (1e-9, 0.1), "length": (1e-9, 1.0), "image": (1e-7, 0.1)}[kind]
+    for sign, beyond in ((1, own < smallest * sizes), (-1, own > largest * sizes)):
         if 2 * np.count_nonzero(beyond) > len(beyond):
             return sign, int(np.flatnonzero(here)[np.argmax(beyond)])
     return 0, 0
@@ -817,7 +814,6 @@ _LOOKED_AT = {
     "horizontal_distance": 0,
 }
 """Component of each type that the curvature changes without regard to the coordinates that are chosen."""
-_STRAIGHT = ("vector", "local", *SHAPE_TYPES, "image/", "follower/", "moving")
 
 
 class CurvatureEffect(NamedTuple):
@@ -871,7 +867,10 @@ def largest_effect(network: Network, values: Values) -> CurvatureEffect | None:
     """Return the effect of the curvature that is largest in units of σ; None if there is none to look at."""
     if network.world is not None or network.sphere is not None:
         return None
-    straight = any(group.type.key.startswith(_STRAIGHT) for group in network.groups)
+    straight = any(
+        group.type.key.startswith(("vector", "local", *SHAPE_TYPES, "image/", "follower/", "moving"))
+        for group in network.groups
+    )
     if not any(group.type.key in _LOOKED_AT for group in network.groups) and not straight:
         return None
     sphere, largest = sphere_under(network, values), None
@@ -908,22 +907,21 @@ def _in_group(
 
 # ---- Everything there is to look at before an adjustment.
 
-_LOOKS = (
-    outside_the_format,
-    measured_twice,
-    repeated_rows,
-    implausible_sigmas,
-    beyond_a_circle,
-    beyond_a_field_of_view,
-    implausible_heights,
-    vertical_convention,
-    steps_from_given_coordinates,
-    contradicting_known_points,
-    open_loops,
-    unsupported_poses,
-)
-
 
 def implausible(network: Network) -> tuple[Message, ...]:
     """Notes on observations that cannot be right, or contradict what is known; each with its file and line."""
-    return tuple(note for look in _LOOKS for note in look(network))
+    checks = (
+        outside_the_format,
+        measured_twice,
+        repeated_rows,
+        implausible_sigmas,
+        beyond_a_circle,
+        beyond_a_field_of_view,
+        implausible_heights,
+        vertical_convention,
+        steps_from_given_coordinates,
+        contradicting_known_points,
+        open_loops,
+        unsupported_poses,
+    )
+    return tuple(note for check in checks for note in check(network))

@@ -88,9 +88,6 @@ def angle_cofactors(q: FloatArray, D: FloatArray, by_angles: BoolArray) -> Float
 
 # ---- Error ellipses and ellipsoids: semi-axes and their directions, from covariances of coordinates.
 
-LEVEL = 1e-9
-"""Sine of the elevation up to which an axis counts as level."""
-
 
 class Ellipses(NamedTuple):
     """Standard error ellipses in plan of n points."""
@@ -127,8 +124,8 @@ def error_ellipsoids(covariance: FloatArray) -> Ellipsoids:
     eigenvalues, vectors = rotations.eigh(0.5 * (covariance + np.swapaxes(covariance, 1, 2)))
     directions = np.swapaxes(vectors, 1, 2)[:, ::-1]
     east, north, up = np.moveaxis(directions, -1, 0)
-    # Of a level axis both ends are as good: the one in the eastern half, whatever the round-off in its height.
-    other_end = np.where(np.abs(up) > LEVEL, up < 0.0, (east < 0.0) | ((east == 0.0) & (north < 0.0)))
+    # Both ends of a level axis are as good: it is the one in the eastern half, whatever the round-off in its height.
+    other_end = np.where(np.abs(up) > 1e-9, up < 0.0, (east < 0.0) | ((east == 0.0) & (north < 0.0)))
     east, north, up = (np.where(other_end, -part, part) for part in (east, north, up))
     return Ellipsoids(
         np.sqrt(np.maximum(eigenvalues[:, ::-1], 0.0)),
@@ -243,8 +240,6 @@ def _derivatives(adjustment: Adjustment, blocks: IntArray) -> FloatArray:
 #
 # Every observation of such a point has all of these blocks, so the selected inverse has their cofactors.
 
-SIZE = 3 * (1 + len(MOTIONS))
-
 
 class MovingCofactors(NamedTuple):
     """Blocks (k, 4) of coordinates, velocity, sine and cosine of points that move, and cofactors (k, 12, 12)."""
@@ -268,8 +263,9 @@ def moving_cofactors(adjustment: Adjustment, cofactors: BlockMatrix, datum: STra
     blocks = np.unique(np.concatenate(combinations), axis=0)
     columns = adjustment.problem.index.columns
     kinds = (POINT.key, *(kind.key for kind in MOTIONS))
+    size = 3 * (1 + len(MOTIONS))
     if not len(blocks):
-        return MovingCofactors(blocks, np.zeros((0, SIZE, SIZE)))
+        return MovingCofactors(blocks, np.zeros((0, size, size)))
     joint = np.concatenate([columns[kind][blocks[:, k]] for k, kind in enumerate(kinds)], axis=1)
-    found = joint_blocks(adjustment, cofactors, datum, joint, np.zeros((len(joint), SIZE, SIZE)))
+    found = joint_blocks(adjustment, cofactors, datum, joint, np.zeros((len(joint), size, size)))
     return MovingCofactors(blocks, found)

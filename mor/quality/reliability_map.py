@@ -331,8 +331,6 @@ def _estimable(part: Linearised, null: FloatArray) -> BoolArray:
 # worked out in its order, until none that is left can be better. What determines a movement that the datum
 # settles controls nothing.
 
-_AT_A_TIME = 8
-
 
 class CandidateObservation(NamedTuple):
     """A further observation: a row of a group, with another target."""
@@ -390,7 +388,8 @@ class _Search:
 
     def take(self) -> bool:
         """Take the next ones that may be better than the best so far; false where there are none."""
-        some, self.order = self.order[:_AT_A_TIME], self.order[_AT_A_TIME:]
+        at_a_time = 8
+        some, self.order = self.order[:at_a_time], self.order[at_a_time:]
         some = some[self.bound[some] + self.r > self.best.r]
         ends = np.cumsum([len(one.rows) for one in self.found])
         which = np.searchsorted(ends, some, side="right")

@@ -129,8 +129,6 @@ def medians_of_parts(part: IntArray, sizes: FloatArray, count: int) -> FloatArra
 
 # ---- A problem whose image coordinates are directions: it comes from farther away to nearly the same solution.
 
-_INTERIOR = "interior/"
-
 
 def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
     """The problem with its image rays as directions; ``None`` where there are no images.
@@ -148,7 +146,7 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
     scaled = reweighted(problem, factors)
     motions = {slot.kind for slot in MOTION_SLOTS}
     blocks = {
-        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in motions else own
+        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith("interior/") or kind in motions else own
         for kind, own in problem.index.blocks.items()
     }
     turned = tuple(replace(group, sigma=own.sigma) for group, own in zip(groups, scaled.groups, strict=True))
@@ -159,7 +157,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     """The group as directions, and radians per image unit (n, 2)."""
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
     interior, of = next(
-        (values[slot.kind], numbers) for slot, numbers in group.blocks_by_slot if slot.kind.startswith(_INTERIOR)
+        (values[slot.kind], numbers) for slot, numbers in group.blocks_by_slot if slot.kind.startswith("interior/")
     )
     whole: BoolArray = np.asarray(group.mask.all(axis=1))
     measured = np.where(whole[:, None], group.observed, 0.0)
@@ -202,8 +200,6 @@ WIDEST, NARROWEST = 20.0, 3.0
 _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
 _FIRST_DAMPING = 1e-3
-_SMALLEST = 1e-10
-"""Least factor on a weight, so that the system stays regular. Residuals that exceed 1 σ even with it get less."""
 _SETTLED = 1e-3
 """Root mean square change of the factors after which they have settled."""
 
@@ -329,8 +325,10 @@ def _factors(
 ) -> tuple[FloatArray, ...]:
     squares = [_joint(group, size) ** 2 for group, size in zip(problem.groups, sizes, strict=True)]
     widths = [(multiple * scale) ** 2 for multiple, scale in zip(multiples, scales, strict=True)]
+    # The least factor keeps the system regular. Residuals that exceed 1 σ even with it get less.
+    smallest = 1e-10
     return tuple(
-        np.maximum((width / (width + square)) ** 2, _SMALLEST / np.maximum(1.0, _SMALLEST * square))
+        np.maximum((width / (width + square)) ** 2, smallest / np.maximum(1.0, smallest * square))
         for square, width in zip(squares, widths, strict=True)
     )
 
@@ -375,7 +373,6 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
 # T. Krarup, J. Juhl, K. Kubik (1980): Götterdämmerung over least squares adjustment.
 
 Method = Literal["l1", "danish"]
-ROUNDS = 60
 
 
 class RobustSolution(NamedTuple):
@@ -406,7 +403,7 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
     stages: tuple[Method, ...] = ("l1",) if method == "l1" else ("l1", "danish")
     for stage in stages:
         settled = False
-        for _ in range(ROUNDS):
+        for _ in range(60):
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
             found = adjust(scaled, adjustment.values)
             if not found.outcome.is_solution:

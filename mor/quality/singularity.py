@@ -46,9 +46,6 @@ def enumerated(names: Sequence[str], most: int, say: Translate) -> str:
 
 # ---- One free movement of a network that is a rotation about some line: which line, and which points lie on it.
 
-_SMALL = 1e-5
-_SHOWN = 4
-
 
 def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     """Words for the only free movement of a network, where it is a rotation about a line; ``None`` otherwise.
@@ -67,16 +64,17 @@ def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     t, turn, scale = movement[:3], movement[3:6], movement[6]
     size = float(np.linalg.norm(turn))
     extent = float(np.ptp(points, axis=0).max())
-    if size == 0.0 or abs(scale) > _SMALL * size or abs(t @ turn) > _SMALL * size**2 * extent:
+    small = 1e-5
+    if size == 0.0 or abs(scale) > small * size or abs(t @ turn) > small * size**2 * extent:
         return None
     direction, through = turn / size, centre + np.cross(turn, t) / size**2
     away = points - through
     distance = np.linalg.norm(away - np.outer(away @ direction, direction), axis=1)
-    fixed = ~free.any(axis=1) & (distance < _SMALL * extent)
+    fixed = ~free.any(axis=1) & (distance < small * extent)
     ids = adjustment.problem.index.blocks["point"].ids
     names = [ids[i] for i in np.flatnonzero(fixed)]
     if names:
-        return say("The network can tilt about the line through {names}.", names=enumerated(names, _SHOWN, say))
+        return say("The network can tilt about the line through {names}.", names=enumerated(names, 4, say))
     x, y, z = (say("{amount}", amount=f"{x:.3f}") for x in direction)
     return say("The network can tilt about a line in the direction ({x}, {y}, {z}), X, Y, Z.", x=x, y=y, z=z)
 
@@ -125,7 +123,7 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Translat
                 point=names[0],
             )
         ]
-    listed = enumerated(names, _SHOWN, say)
+    listed = enumerated(names, 4, say)
     if len(points) == 2:
         return [
             say(
@@ -193,9 +191,6 @@ def _points_seen(solved: Solved, rotation: int) -> IntArray:
 
 
 # ---- Readout times that nothing tells: of images that do not move, and of motions that nobody knows.
-
-OF_READOUT = frozenset(slot.kind for slot in MOTION_SLOTS)
-"""Kinds of blocks that act by their products only."""
 
 
 def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
@@ -281,13 +276,9 @@ _CURES = {
     "attitude shift": "fix or observe the component or the boresight: both turn the attitudes of a strip alike",
     "time offset": "fix or observe the time offset: it shows only where the motion changes",
     "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
+    "knot": "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a "
+    "constancy or smoothness, or lay its knots further apart",
 }
-_KNOT = (
-    "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a constancy or "
-    "smoothness, or lay its knots further apart"
-)
-_SINGULARITIES_SHOWN = 6
-"""Names told of one part or direction."""
 
 
 def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
@@ -408,7 +399,7 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
         lines.append(
             say(
                 "The movement concerns {names}.",
-                names=enumerated([_name(*block, say) for block in blocks], _SINGULARITIES_SHOWN, say),
+                names=enumerated([_name(*block, say) for block in blocks], 6, say),
             )
         )
     about = tilt(solved.adjustment, say)
@@ -421,7 +412,7 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
 
 def _things(part: NetworkPart, say: Translate) -> str:
     return "; ".join(
-        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, _SINGULARITIES_SHOWN, say)}"
+        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, 6, say)}"
         for space, names in part.names.items()
     )
 
@@ -468,7 +459,8 @@ def _is_idle(solved: Solved, kind: str, block: str) -> bool:
 
 
 def _unexplained(solved: Solved) -> list[Undetermined]:
-    told = OF_READOUT if readout_sentences(solved) else frozenset[str]()
+    # Kinds of blocks that act by their products only.
+    told = {slot.kind for slot in MOTION_SLOTS} if readout_sentences(solved) else set[str]()
     return [
         direction
         for direction in solved.adjustment.defect.undetermined
@@ -539,7 +531,7 @@ def _along(kind: str, components: str, blocks: Sequence[str], say: Translate) ->
     lines = []
     for cure, names in by_cure.items():
         if len(names) > 3:
-            listed = enumerated(names, _SINGULARITIES_SHOWN, say)
+            listed = enumerated(names, 6, say)
             words = "These are not determined along {components}: {names}; {cure}."
             lines.append(say(words, components=components, names=listed, cure=cure))
         else:
@@ -554,7 +546,7 @@ def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Trans
     for kind, block in blocks:
         firsts.setdefault(kind, block)
     cures = "; ".join(f"{_name(kind, block, say)}: {_cure(kind, block, say)}" for kind, block in firsts.items())
-    names = enumerated(named, _SINGULARITIES_SHOWN, say)
+    names = enumerated(named, 6, say)
     return [
         say("These cannot be separated from each other: {names}.", names=names),
         say("Remedies, one of: {cures}.", cures=cures),
@@ -588,4 +580,4 @@ def _is_far(kind: str, block: str) -> bool:
 
 def _cure(kind: str, block: str, say: Translate) -> str:
     kind = "point" if _is_far(kind, block) else kind
-    return say(_KNOT if thing_of(kind, block)[0] == "knot" else _CURES[kind.split("/")[0]])
+    return say(_CURES["knot" if thing_of(kind, block)[0] == "knot" else kind.split("/")[0]])

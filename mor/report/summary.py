@@ -19,7 +19,6 @@ from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
 from mor.report.observations import assessed_pieces, table_of
 from mor.report.units import angle_unit, angle_unit_of, number_or_none, picked, unit_of
-from mor.solve.datum import BY_CURVATURE
 from mor.units import ANGLE_UNITS
 
 # ---- The summary of an adjustment as plain data: the head of ``results.json`` and of every report.
@@ -31,7 +30,9 @@ SCHEMA_VERSION = 2
 def summary(solved: Solved) -> dict[str, Any]:
     """Outcome, counts, σ0, global test, datum, conventions."""
     project, adjustment = solved.network.project, solved.adjustment
-    movements = [*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order]
+    # Movements that no observation notices to first order.
+    by_curvature = ["movement that the curvature of vTPv determines"] * adjustment.defect.to_second_order
+    movements = [*adjustment.defect.movements, *by_curvature]
     return {
         **schema_of(SCHEMA, SCHEMA_VERSION),
         "title": project.title,

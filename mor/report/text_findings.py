@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from mor.errors import UndeterminedObject
-from mor.quality.determinability import OF_THE_START
+from mor.quality.determinability import AT_THE_START, PUT_ANYWHERE
 from mor.quality.singularity import enumerated, explain_singularity, turned_about, weakness
 from mor.quality.solution import Solved
 from mor.report.language import ENGLISH, Words
@@ -361,7 +361,7 @@ def undetermined_section(solved: Solved, words: Words) -> str:
     weak = weakness(solved, words)
     if weak:
         return "\n".join([heading(words("Poorly determined")), *weak])
-    if solved.adjustment.reason in OF_THE_START:
+    if solved.adjustment.reason in (AT_THE_START, PUT_ANYWHERE):
         return ""  # what is singular there is so because of where things were put
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         turned = [] if solved.quality is not None else turned_about(solved, words)

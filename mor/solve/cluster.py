@@ -28,13 +28,10 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
-_UNOBSERVED = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "10s",
-}
-"""Settings of Dask for local workers. By default each process watches itself, which takes up to a tenth of a core."""
-_LOST = "the scheduler is lost, and with it the tasks"
+
+
+def _scheduler_lost() -> InputError:
+    return InputError([Message("the scheduler is lost, and with it the tasks")])
 
 
 @dataclass
@@ -50,7 +47,7 @@ class ComputeCluster:
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task. Raises :class:`InputError` if the connection to the scheduler is closed."""
         if self.client.status == "closed":
-            raise InputError([Message(_LOST)])
+            raise _scheduler_lost()
         return self.client.submit(task, *arguments, pure=False)
 
     def result(self, submitted: Any) -> Any:
@@ -86,7 +83,7 @@ class ComputeCluster:
         except (CancelledError, FutureCancelledError, OSError):
             if submitted.status == "error":  # the task's own: a full disk, say
                 raise
-            raise InputError([Message(_LOST)]) from None
+            raise _scheduler_lost() from None
 
     def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
         """Return ``call(shared, one, common)`` for all of them, in their order.
@@ -118,7 +115,13 @@ class ComputeCluster:
             return
         self.idle_since = self.idle_since or now
         if now - self.idle_since > _PATIENCE:
-            raise InputError([Message(_IDLE[workers])])
+            # Why nobody is at work, by whether there are workers.
+            idle = {
+                0: "all workers are lost, and no new ones have joined",
+                1: "the scheduler has tasks and workers, and gives them nothing to do",
+                None: "the scheduler has stopped answering",
+            }
+            raise InputError([Message(idle[workers])])
 
     def _at_work(self) -> tuple[bool, int | None]:
         """Return whether a worker is busy, and the number of workers; ``None`` if the scheduler does not answer."""
@@ -129,14 +132,6 @@ class ComputeCluster:
         except (TimeoutError, OSError):
             return False, None
         return any(told.values()), min(len(told), 1)
-
-
-_IDLE = {
-    0: "all workers are lost, and no new ones have joined",
-    1: "the scheduler has tasks and workers, and gives them nothing to do",
-    None: "the scheduler has stopped answering",
-}
-"""What is said where nobody has been at work, by whether there are workers."""
 
 
 @contextmanager
@@ -150,7 +145,13 @@ def local(count: int) -> Iterator[ComputeCluster]:
     _silence()
     security = Security.temporary()  # type: ignore[no-untyped-call]
     with ExitStack() as held:
-        held.enter_context(dask.config.set(_UNOBSERVED))
+        # By default each process watches itself, which takes up to a tenth of a core.
+        unobserved = {
+            "distributed.worker.profile.enabled": False,
+            "distributed.admin.tick.interval": "1s",
+            "distributed.admin.system-monitor.interval": "10s",
+        }
+        held.enter_context(dask.config.set(unobserved))
         try:
             cluster = held.enter_context(
                 LocalCluster(  # type: ignore[no-untyped-call]
@@ -187,7 +188,7 @@ def connected(folder: Path | None, address: str) -> Iterator[ComputeCluster]:
     try:
         client = Client(address, timeout=_ANSWER, set_as_default=False)  # type: ignore[no-untyped-call]
     except (OSError, ValueError):
-        raise InputError([Message(_NO_SCHEDULER, address)]) from None
+        raise _no_scheduler(address) from None
     with client:
         _check(client, folder)
         yield ComputeCluster(client)
@@ -200,9 +201,12 @@ def _check_installed(*more: str) -> None:
         raise InputError([Message(f"a cluster needs Dask, {words}")])
 
 
-_NO_SCHEDULER = (
-    "no Dask scheduler answers at this address; is it the address that `dask scheduler` prints, and does it expect TLS?"
-)
+def _no_scheduler(address: str) -> InputError:
+    words = (
+        "no Dask scheduler answers at this address; "
+        "is it the address that `dask scheduler` prints, and does it expect TLS?"
+    )
+    return InputError([Message(words, address)])
 
 
 def _check_scheduler(address: str) -> None:
@@ -229,7 +233,7 @@ def _check_scheduler(address: str) -> None:
         found = None
     kind = found.get("type") if isinstance(found, dict) else None
     if kind is None:
-        raise InputError([Message(_NO_SCHEDULER, address)])
+        raise _no_scheduler(address)
     if kind != "Scheduler":
         raise InputError([Message(f"this is the address of a {kind}, expected that of the scheduler", address)])
 
@@ -279,7 +283,7 @@ def _asked(client: Any, token: str) -> dict[str, dict[str, Any]]:
             time.sleep(0.5)
         except Exception as error:  # noqa: BLE001 - whatever a worker without mor makes of the question
             if client.status != "running":
-                raise InputError([Message(_LOST)]) from None
+                raise _scheduler_lost() from None
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError([Message(f"workers cannot run mor; is it installed there? {reason}")]) from None
 

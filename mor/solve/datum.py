@@ -20,15 +20,11 @@ from mor.types import BoolArray, FloatArray, IntArray
 # directions that move a single parameter block, then for each that is left the combination that moves the fewest
 # blocks, which leaves the larger part of the network where it is.
 
-_ALONE = 1e-8
-"""1 − s² of a direction that moves one block only, s its length on that block."""
 _TOLD = 1e-3
 """Movements below this part of the largest are not told."""
 _SPARSEST = 60
 """Directions up to which the sparsest are looked for; of more, in a time that grows with the cube of their number only,
 those of an echelon form are told: each moves an unknown of its own that no other one moves."""
-_MOST = 12
-"""Unknowns told of one direction."""
 
 
 class Undetermined(NamedTuple):
@@ -48,12 +44,14 @@ def loose_directions(basis: FloatArray, datum: FloatArray, index: Index, units: 
     loose = []
     # Combinations (k,) of the basis that move one parameter block and nothing else, component by component.
     starts = np.flatnonzero((np.diff(index.kind_of, prepend=-1) != 0) | (np.diff(index.block_of, prepend=-1) != 0))
-    heavy = np.add.reduceat(np.sum(basis**2, axis=1), starts) > 1.0 - 2.0 * _ALONE
+    # Largest 1 − s² of a direction that moves one block only, s its length on that block.
+    elsewhere = 1e-8
+    heavy = np.add.reduceat(np.sum(basis**2, axis=1), starts) > 1.0 - 2.0 * elsewhere
     ends = np.append(starts[1:], len(basis))
     directions: list[FloatArray] = []
     for start, end in zip(starts[heavy], ends[heavy], strict=True):
         _, lengths, right = np.linalg.svd(basis[start:end], full_matrices=False)
-        alone = right[1.0 - lengths**2 < _ALONE].T
+        alone = right[1.0 - lengths**2 < elsewhere].T
         directions.extend((alone @ _echelon(basis[start:end] @ alone)).T)
     for direction in directions:
         if _adds(found, direction):
@@ -146,7 +144,7 @@ def _block_starts(index: Index) -> IntArray:
 def _describe(movement: FloatArray, index: Index, units: FloatArray) -> Undetermined:
     size = np.abs(movement)
     order = np.argsort(-size, kind="stable")
-    order = order[size[order] > _TOLD * size.max()][:_MOST]
+    order = order[size[order] > _TOLD * size.max()][:12]  # at most
     movement = units * movement
     largest = movement[order[0]]
     return Undetermined(
@@ -158,8 +156,6 @@ def _describe(movement: FloatArray, index: Index, units: FloatArray) -> Undeterm
 # ---- What a found defect means: movements of the whole network, or something that is not determined inside it.
 
 MOVEMENTS = ("translation X", "translation Y", "translation Z", "rotation X", "rotation Y", "rotation Z", "scale")
-BY_CURVATURE = "movement that the curvature of vTPv determines"
-"""A movement that no observation notices to first order."""
 _SMALL = 1e-6
 
 
@@ -369,13 +365,6 @@ def _name(datum: FloatArray, generators: FloatArray) -> tuple[str, ...]:
 # The normal matrix of one body (a point, an image with its pose) with all others held is a block on the
 # diagonal of the whole one. Where it is singular, so is the whole: a null vector of it is one of the system.
 
-_FEW = 4
-"""Observations for each unknown of a body up to which its normal matrix is worked out."""
-_BESIDE = 1e-3
-"""Radians, and part of the extent of the network, by which values are moved: is their place singular alone?"""
-_ROWS = 50_000
-"""Rows of a group that are linearised at a time."""
-
 
 def beside(problem: Problem, values: Values) -> Values:
     """Values a little beside others (seeded): what is singular at both is so in general, not by chance of its place."""
@@ -384,8 +373,9 @@ def beside(problem: Problem, values: Values) -> Values:
     # Half of evenly spread points lie within a quarter of the extent from their median; one far away counts little.
     extent = 4.0 * float(np.median(np.abs(points - np.median(points, axis=0)), axis=0).max()) or 1.0
     scale = np.zeros(problem.index.count)
+    small = 1e-3  # radians, and part of the extent of the network
     for number, kind in enumerate(problem.index.unknown_kind):
-        size = _BESIDE * extent if kind in ("point", "base") else _BESIDE if kind == "rotation" else 0.0
+        size = small * extent if kind in ("point", "base") else small if kind == "rotation" else 0.0
         scale[problem.index.kind_of == number] = size
     return move(problem.index, values, scale * random.standard_normal(problem.index.count))
 
@@ -413,7 +403,8 @@ def local_defects(problem: Problem, values: Values, bodies: Mapping[str, IntArra
     of = _bodies(problem, bodies, count)
     rows, entries = _counts(problem, bodies, count)
     too_few = (of.sizes > 0) & (entries < of.sizes)
-    doubtful = (of.sizes > 0) & ~too_few & (entries <= _FEW * of.sizes) & ~_by_rays_only(problem, bodies, count)
+    # With more than four observations for each unknown of a body, its normal matrix is not worked out.
+    doubtful = (of.sizes > 0) & ~too_few & (entries <= 4 * of.sizes) & ~_by_rays_only(problem, bodies, count)
     loose = too_few.copy()
     # (n,) true where a matrix of that size, scaled to unit diagonal, is singular to round-off.
     normals = _normals(problem, values, bodies, of, doubtful)
@@ -486,6 +477,7 @@ def _normals(
     number = np.where(wanted, np.cumsum(wanted) - 1, -1)
     body_of = np.append(np.where(of.body >= 0, number[of.body], -1), -1)
     place_of = np.append(of.place, 0)
+    rows_at_a_time = 50_000
     for group in problem.groups if width else ():
         touched = np.zeros(group.count, dtype=bool)
         for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
@@ -493,8 +485,8 @@ def _normals(
                 mine = bodies[slot.kind][numbers]
                 touched |= (mine >= 0) & wanted[mine]
         rows = np.flatnonzero(touched)
-        for start in range(0, len(rows), _ROWS):
-            part = rows[start : start + _ROWS]
+        for start in range(0, len(rows), rows_at_a_time):
+            part = rows[start : start + rows_at_a_time]
             found = linearise(group, problem.index, values, tangent, part)
             jacobian = found.jacobian / np.where(group.mask[part], group.sigma[part], 1.0)[:, :, None]
             # Add the products of columns (n, K) that belong to one body.
@@ -517,14 +509,6 @@ def _normals(
 # corrections of the masked components is the smallest), or at coordinates the datum names, usually the reference. Any
 # solution of a minimal datum is carried there by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ,
 # S = I − G (BᵀG)⁻¹ Bᵀ. Shifts and rotations of whole points lead to the same coordinates either way, scale does not.
-
-_SPREAD = 1e-12
-"""Least of the sizes of movements on the points of the datum, as a part of the largest."""
-_SMALL_TURN = 0.1
-"""Radians, or part of the scale, up to which a movement is told by its first two derivatives."""
-_NEAR = 1e-2
-"""Corrections in parts of the median distance of a coordinate from the centre below which movements stay the same on
-the way into the datum."""
 
 
 class Constraint(NamedTuple):
@@ -616,7 +600,8 @@ def binds(null: FloatArray, constraint: Constraint, index: Index) -> bool:
     own = columns[carries]
     triangle: FloatArray = np.asarray(np.linalg.qr(null[own[own >= 0]], mode="r"))
     spread = np.linalg.svd(triangle, compute_uv=False)
-    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > _SPREAD * spread[0]:
+    # The smallest movement on the points of the datum is more than round-off of the largest one.
+    if triangle.shape[0] < triangle.shape[1] or not spread[-1] > 1e-12 * spread[0]:
         return False
     normals, movements = (np.linalg.solve(triangle.T, matrix.T).T for matrix in (constraint.normals, null))
     size = float(np.linalg.norm(normals, axis=0).max())
@@ -644,7 +629,8 @@ def into_datum(
         least = float(np.abs(rotations.eigvals(relative)).min())
         settles = least > np.finfo(float).eps * float(np.linalg.norm(relative))
         better = rotations.solve(relative, movement) if settles else movement
-        if float(np.abs(bent.turns @ better).max(initial=0.0)) < _SMALL_TURN:
+        # Up to 0.1 (radians, or part of the scale) a movement is told by its first two derivatives.
+        if float(np.abs(bent.turns @ better).max(initial=0.0)) < 0.1:
             movement, gain = better, max(1.0, 1.0 / least) if settles else 1.0
     turned: FloatArray = step - null @ movement
     return turned, gain
@@ -671,7 +657,8 @@ def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray)
         return None
     centre = points[within].mean(axis=0)
     size = float(np.median(np.abs(points[within] - centre)))  # a far point says nothing of the size of the rest
-    if float(np.abs(total).max(initial=0.0)) < _NEAR * size:
+    # Movements stay the same on the way into the datum while corrections are small beside the network.
+    if float(np.abs(total).max(initial=0.0)) < 1e-2 * size:
         return None
     fields = similarities(points[within], centre)
     movements = np.asarray(np.linalg.lstsq(fields[used[within]], null[columns[used]], rcond=1e-12)[0], float)
@@ -707,8 +694,6 @@ def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
 
 NOTHING_KNOWN = float(np.pi / np.sqrt(3.0))
 """σ (rad) of an angle of which nothing is known: of one evenly spread over the circle."""
-_RIGID = 1e-2
-"""Part of a direction that may be other than a movement of the whole network."""
 
 
 class WeakTurn(NamedTuple):
@@ -737,8 +722,9 @@ def weak_turns(weak: FloatArray, problem: Problem, values: Values) -> tuple[Weak
         movement = np.linalg.lstsq(generators / lengths, direction, rcond=1e-9)[0] / lengths
         moved = generators @ movement
         rest, whole = (np.sqrt(np.bincount(point, one**2)) for one in (direction - moved, moved))
-        # Of each point by itself: a far one that moves alone outweighs all others that do not.
-        rigid = float(np.mean((rest <= _RIGID * whole)[np.unique(point)])) > 0.5
+        # Of each point by itself: a far one that moves alone outweighs all others that do not. A hundredth of a
+        # direction may be other than a movement of the whole network.
+        rigid = float(np.mean((rest <= 1e-2 * whole)[np.unique(point)])) > 0.5
         size = float(np.linalg.norm(movement[3:6]))
         if size > 0.0 and rigid:
             turns.append(WeakTurn(movement[3:6] / size, size))

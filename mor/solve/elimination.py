@@ -115,10 +115,8 @@ def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
 # matrix V, unknowns of all their frames × 3 coordinates of each point: V Vᵀ is one product. Else all pairs of rays of a
 # point are multiplied, and those of the same two frames are added up before it is looked up where they go.
 
-_ALWAYS_DENSE, _MOST_ENTRIES = 1_000_000, 20_000_000
-"""Up to the first number of entries a matrix is always dense (16 MB with its copy); beyond the second one, never."""
-_OF_AN_ENTRY, _OF_A_POINT, _OF_A_PAIR = 10.0, 0.3, 5.0
-"""ns: to add an entry of a dense matrix, the share of one point in it, and an entry of a pair (measured, one core)."""
+_MOST_ENTRIES = 20_000_000
+"""Entries of the largest dense matrix."""
 _PAIRS_SORTED, _PAIRS_AT_A_TIME = 500_000, 16_384
 """Pairs of rays that are put in order, and that are multiplied together: large arrays are slow to get."""
 
@@ -271,8 +269,10 @@ def _as_dense(rays: Rays, structure: BlockStructure) -> _DenseRays | None:
     size, width = int(structure.sizes[blocks].sum()), rays.columns.shape[1]
     counts = np.diff(rays.point_pointers)
     entries, pairs = size * (size + 3 * rays.points), int(counts @ (counts + 1)) // 2
-    by_pairs = _OF_A_PAIR * pairs * width**2 < size**2 * (_OF_AN_ENTRY + _OF_A_POINT * rays.points)
-    if entries > _MOST_ENTRIES or (entries > _ALWAYS_DENSE and by_pairs):
+    # ns to add an entry of a pair, an entry of a dense matrix, and the share of one point in it (measured, one core).
+    of_pair, of_entry, of_point = 5.0, 10.0, 0.3
+    by_pairs = of_pair * pairs * width**2 < size**2 * (of_entry + of_point * rays.points)
+    if entries > _MOST_ENTRIES or (entries > 1_000_000 and by_pairs):  # a small one takes 16 MB with its copy
         return None
     part = dense_part(structure, blocks)
     found = _DenseRays(rays, part, part.numbers_of(rays.columns))

@@ -29,8 +29,6 @@ from mor.solve.rays import RayPlan
 
 Found = TypeVar("Found")
 
-NUMBERS_OF_ALL_LANES = 30_000_000
-"""Room (240 MB) for the reduced systems that the lanes add up each for itself."""
 WORTH_SENDING = 20_000
 """Rays from which on a pass is done by workers: a pass over fewer takes less time than sending them the values."""
 
@@ -91,7 +89,8 @@ def in_lanes(shared: Shared, numbers: int, task: Task[Found], *arguments: Any, p
         put: takes what the task hands over, and may write it to arrays at places that are the chunk's own.
     """
     chunks, workers = shared.rays.chunks, _workers.get()
-    room = min(len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1))
+    # Each lane adds up a reduced system for itself: 240 MB in all.
+    room = min(len(chunks) // 2, 30_000_000 // max(numbers, 1))
     count = 4 if room >= 4 else 2 if room >= 2 else 1  # three would leave one of two processors without work
     bounds = [len(chunks) * k // count for k in range(count + 1)]
     lanes = [(bounds[k], bounds[k + 1]) for k in range(count)]

@@ -42,11 +42,8 @@ from mor.types import AnyIntArray, FloatArray, IntArray
 #
 # So nothing weak is lost, nothing singular is hidden, and which unknowns are anchored changes no result.
 
-NULL = 1e-17
-"""‖A g‖²/‖g‖² of a null vector, columns scaled to unit diagonal; round-off leaves some 1e-22."""
 HARDLY_DETERMINED = 1e-8
 """‖A g‖²/‖g‖² below which a direction is anchored, so that the factorisation keeps its accuracy."""
-_PROBES = 12
 
 
 class Inverse(NamedTuple):
@@ -137,7 +134,8 @@ def invert(
         return Inverse(plan, values, factor, scale, none, none)
     full = full_directions(plan, values, scale[:, None] * Y)
     eigenvalues, vectors = _stretches(plan, values, full)
-    is_null = eigenvalues < NULL * np.sum((Y @ vectors) ** 2, axis=0)
+    # Round-off leaves some 1e-22 of ‖A g‖²/‖g‖² of a null vector g, columns scaled to unit diagonal.
+    is_null = eigenvalues < 1e-17 * np.sum((Y @ vectors) ** 2, axis=0)
     share = np.einsum("kw,kw->w", vectors, Y[anchors] @ vectors)
     directions = full @ vectors
     weak = directions[:, ~is_null] * np.sqrt(share[~is_null] / eigenvalues[~is_null])
@@ -226,7 +224,7 @@ def _hardly_determined(unknowns: int, factor: Factor) -> FloatArray:
 
     The factor is that of N', with the anchors there are: what they hold already must not be found again.
     """
-    probes = np.random.default_rng(1984).standard_normal((unknowns, min(_PROBES, unknowns)))
+    probes = np.random.default_rng(1984).standard_normal((unknowns, min(12, unknowns)))
     for _ in range(2):
         before = probes
         probes, triangle = np.linalg.qr(factor.solve(before))
@@ -285,11 +283,6 @@ def with_diagonal(matrix: BlockMatrix, unknowns: IntArray, amount: float) -> Blo
 # is inverted by itself; nothing is solved for. Misclosures are observed − computed at these values, in units
 # of σ.
 
-CHUNK = 50_000
-"""Observation rows that are linearised at a time."""
-DETERMINED = 1e-10
-"""Smallest eigenvalue of the block, its diagonal brought to one, from which on it is determined."""
-
 
 class Local(NamedTuple):
     """Rows of n things with up to k unknowns each."""
@@ -334,7 +327,7 @@ def local_precision(problem: Problem, values: Values, columns: IntArray) -> Loca
     )
     sound = np.isfinite(scaled).all(axis=(1, 2))
     scaled[~sound] = np.eye(normal.shape[1])
-    sound &= np.linalg.eigvalsh(scaled)[:, 0] > DETERMINED
+    sound &= np.linalg.eigvalsh(scaled)[:, 0] > 1e-10
     scaled[~sound] = np.eye(normal.shape[1])
     sigma = np.sqrt(np.einsum("nii->ni", np.linalg.inv(scaled))) / scale
     return Local(np.where(used & sound[:, None], sigma, np.nan), misfit, observations)
@@ -346,9 +339,10 @@ def _weighted(problem: Problem, values: Values) -> Iterator[tuple[FloatArray, Fl
     What depends on a value that is missing does not count.
     """
     tangent = rotation_tangents(problem.index, values)
+    rows_at_a_time = 50_000
     for group in problem.groups:
-        for start in range(0, group.count, CHUNK):
-            rows = np.arange(start, min(start + CHUNK, group.count))
+        for start in range(0, group.count, rows_at_a_time):
+            rows = np.arange(start, min(start + rows_at_a_time, group.count))
             found = linearise(group, problem.index, values, tangent, rows)
             counts = group.mask[rows] & ~group.left_out[rows]
             counts &= np.isfinite(found.jacobian).all(axis=2) & np.isfinite(found.misclosure)

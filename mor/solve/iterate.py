@@ -54,11 +54,6 @@ from mor.types import LARGEST, FloatArray, IntArray
 # loops of J. Nocedal 1980) is the inverse of the true curvature as far as these directions go: a few wrong
 # observations bend few. Only pairs with sᵀy > 0 count.
 
-_KEPT = 6
-"""Pairs that are remembered at most: half of the unknowns of a point or pose and its neighbour."""
-_CURVED = 1e-3
-"""Part of sᵀb from which on sᵀy says something of a curvature."""
-
 
 class Secants(NamedTuple):
     """The last steps, and how much of b = AᵀPl each of them took away."""
@@ -71,10 +66,12 @@ class Secants(NamedTuple):
     def after(self, step: FloatArray, before: FloatArray, now: FloatArray) -> Secants:
         """With a step (u,) that has led from b = ``before`` to ``now``; what it contradicts is forgotten."""
         change = before - now
-        if not step @ change > _CURVED * abs(float(step @ before)):
+        # From this part of sᵀb on, sᵀy says something of a curvature.
+        if not step @ change > 1e-3 * abs(float(step @ before)):
             return NOTHING_LEARNT
         steps, taken_away = (*self.steps, kept(step)), (*self.taken_away, kept(change))
-        return Secants(steps[-_KEPT:], taken_away[-_KEPT:])
+        # Six pairs are remembered: half of the unknowns of a point or pose and its neighbour.
+        return Secants(steps[-6:], taken_away[-6:])
 
     def step(self, inverse: Inverse, rhs: FloatArray) -> FloatArray:
         """The step (u,) from where b is ``rhs``, N⁻¹ corrected by what is known of the true curvature."""
@@ -93,15 +90,14 @@ NOTHING_LEARNT = Secants()
 
 # ---- What an adjustment is while it is iterated and when it is over: values, system, datum, history, outcome.
 
-_SHORTEST = 0.02
-"""Part of a step along weak directions that is taken at least."""
 
 A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
 RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
 STANDS_STILL = "the iteration makes no progress"
-TO_INFINITY = "points have moved to infinity"
 PAST_CAMERAS = "steps lead points past cameras that see them"
-SINGULAR_MINIMUM = "at the minimum of the sum of squares, a movement of the network changes no observation"
+OPEN = "unknowns are not determined by the observations"
+NO_DATUM = "the datum is not defined"
+UNSETTLED = "the datum points do not define the datum"
 """Reasons of outcomes."""
 
 
@@ -156,7 +152,7 @@ class Stride(NamedTuple):
         if size == 0.0 or self.share == 0.0:
             return Stride(whole)
         ratio = (1.0 - float(self.whole @ whole) / size) / self.share
-        return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
+        return Stride(whole, float(np.clip(1.0 / ratio, 0.02, 1.0)) if ratio > 1.0 else 1.0)
 
 
 _NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
@@ -219,29 +215,10 @@ def counting_on(watch: Watcher | None, count: int) -> Watcher | None:
 # Transtrum, J. P. Sethna, *Improvements to the Levenberg-Marquardt algorithm*, 2012, whose second-order
 # correction is the first of these steps).
 
-_CORRECTIONS = 6
-"""Regular steps that lead back to the solution at most."""
-_BACK = 5
-"""Steps that lead back to the floor of a valley at most."""
 _EXPECTED = 0.25
 """Part of the gain a step promises that it must keep."""
-_LEAST_GAIN = 1e-3
-"""Gain ratio from which on a damped step is taken, as in Ceres."""
-_GOOD_GAIN = 0.75
-"""Gain ratio from which on a damped step needs no correction."""
-_LEAST_DAMPING, _MOST_DAMPING = 1e-14, 1e12
 _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
-
-
-_FARTHER = 10.0
-"""Times that a point may get farther from a camera in a step."""
-_FITS = 10.0
-"""vᵀPv in terms of the redundancy up to which a step past a camera is the fault of a point, if few points are."""
-_PASSING = 5
-"""Damped iterations without a gain after which they are taken to wait for points that steps lead past cameras."""
-_BEYOND = 1e3
-"""Inverse distances that a step takes from a point, from which on it is at infinity; 1 where all others wait for it."""
 
 
 def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArray]:
@@ -254,7 +231,7 @@ def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArr
     moved, r, change, q = _toward_points(plan, values, step)
     points, cameras = plan.seen_points
     if len(points):
-        inverse = 1.0 - np.minimum(q, 1.0 - 1.0 / _FARTHER)
+        inverse = 1.0 - np.minimum(q, 0.9)  # a point gets at most ten times farther from a camera in a step
         rest = r + change - q[:, None] * r
         moved["point"][points] = moved["point"][cameras] + rest / inverse[:, None]
     return moved
@@ -413,7 +390,7 @@ def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken |
         return None
     for share in _first_share(state, along) * 0.25 ** np.arange(5):
         values, before = moved_by(state.plan, state.values, regular + share * along), np.inf
-        for _ in range(_CORRECTIONS):
+        for _ in range(6):  # regular steps that lead back to the solution
             normals = build_normals(state.plan, values)
             if not normals.objective < 0.5 * before:
                 break
@@ -435,11 +412,11 @@ def _first_share(state: Adjustment, along: FloatArray) -> float:
 
 def _damped(state: Adjustment) -> Taken | None:
     """Return the first damped step that gains, beginning with the damping the last one ended with, or None."""
-    damping, growth = max(state.damping, _LEAST_DAMPING), 2.0
-    while damping < _MOST_DAMPING:
+    damping, growth = max(state.damping, 1e-14), 2.0
+    while damping < 1e12:
         tried = damped_step(state.plan, state.values, damping)
         values, ratio = _led_back(state, tried)
-        if ratio > _LEAST_GAIN:
+        if ratio > 1e-3:  # as in Ceres
             easier = max(1.0 / 3.0, 1.0 - (2.0 * min(ratio, 1.0) - 1.0) ** 3)
             return Taken(values, damping, 1.0, next_damping=damping * easier)
         damping, growth = damping * growth, 2.0 * growth
@@ -460,8 +437,8 @@ def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatA
 
     values = moved_by(state.plan, state.values, step)
     ratio = gain_ratio(values)
-    for _ in range(_BACK):
-        if ratio > _GOOD_GAIN or not np.isfinite(ratio):
+    for _ in range(5):  # steps that lead back to the floor of a valley
+        if ratio > 0.75 or not np.isfinite(ratio):
             break
         step = step + tried.solve(gradient_elsewhere(state.plan, state.values, values) - (b - of_step))
         corrected = moved_by(state.plan, state.values, step)
@@ -497,14 +474,6 @@ ACCURACY = 1e-8
 
 1e-6 would not do: a network of 5 m with σ of 0.3 mm then moves by 1e-10 of its size, and cofactors in a datum of few
 points by 2e-9 of themselves."""
-AT_THE_LAST_DIGIT = 0.1
-"""Largest step in units of σ at a minimum, where no step of any length and damping makes vᵀPv smaller.
-
-The observations hardly determine a direction there, and round-off moves the network along it by up to this."""
-_RATE_KNOWN_TO = 4.0
-"""Margin for a rate of convergence that is taken from two steps."""
-_CREEPS = 0.25
-"""Rate from which on steps creep: near a solution they fall faster where residuals are no larger than their σ."""
 _STANDS = 1e-3
 """Part of vᵀPv by which it still falls at a standstill, at most: σ0 then keeps its first three digits."""
 
@@ -520,10 +489,6 @@ class Patience(NamedTuple):
     """The same of damped ones in the second half: a point on its way to infinity gains little by little."""
 
 
-AT_ABSURD_SUMS = Patience(10, 5e-2, 5e-2)
-"""That of an iteration whose vᵀPv no network has: it leads to no solution, or to one with gross errors."""
-_NEAR_THE_DATUM = 1e-6
-"""Part of the extent of a network from which steps that shrink with their squares lead it into its datum."""
 ABSURD = 1e4
 """vᵀPv in terms of the redundancy that is absurd: all residuals are a hundred times their σ."""
 _EPS = float(np.finfo(float).eps)
@@ -542,7 +507,8 @@ def creeps(state: Adjustment, change: float) -> bool:
     """True where a whole step of size ``change`` is more than a quarter of the one before it, and not yet nothing."""
     if change <= ACCURACY or not state.iterations or state.iterations[-1].damping:
         return False
-    return change > _CREEPS * state.iterations[-1].largest_change
+    # Near a solution steps fall faster where residuals are no larger than their σ.
+    return change > 0.25 * state.iterations[-1].largest_change
 
 
 def residuals_stay(before: Adjustment, after: Adjustment) -> bool:
@@ -574,7 +540,8 @@ def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = 
     """
     if patience is None and iterations:
         last = iterations[-1]
-        patience = AT_ABSURD_SUMS if last.objective > ABSURD * max(last.redundancy, 1) else Patience()
+        # An iteration with a vᵀPv that no network has leads to no solution, or to one with gross errors.
+        patience = Patience(10, 5e-2, 5e-2) if last.objective > ABSURD * max(last.redundancy, 1) else Patience()
     count, gain, damped = patience or Patience()
     if len(iterations) < 2 * count:
         return False
@@ -599,7 +566,8 @@ def left_after(state: Adjustment, change: float) -> float:
         return np.inf
     before = state.iterations[-1].largest_change
     rate = change / before if before > 0.0 else np.inf
-    return _RATE_KNOWN_TO * change * rate / (1.0 - rate) if rate < 1.0 else np.inf
+    # A rate of convergence that is taken from two steps needs a margin.
+    return 4.0 * change * rate / (1.0 - rate) if rate < 1.0 else np.inf
 
 
 def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, gain: float, change: float) -> bool:
@@ -693,21 +661,6 @@ def _of_rays(rays: Rays, weight: FloatArray, sizes: FloatArray, of_points: Float
 # The coefficients were measured: the largest resident size of the whole command, on blocks of 32 000 to 504 000 image
 # points and networks of 625 to 10 000 points with up to 2 000 long ties (``python -m tests.memory``).
 
-LESS = "adjust fewer observations at a time, or parts of the network separately"
-"""Advice."""
-_NUMBER = 8
-_FACTORS = 2
-"""The factor, and its selected inverse in the same fronts."""
-_FRONTS = 2
-"""Dense fronts at a time: that of a parent, and the update it gets."""
-_BUFFERS = 20e6
-_KERNELS = 30e6
-"""Compiled passes over rays, which are loaded when they are needed."""
-_OF_RAY, _OF_OTHER = 210, 350
-"""Bytes of an image point, and of another row: derivatives, residuals, and what is kept of their quality."""
-_OF_RAY_IN_FILES = 80
-"""The same of an image point if long arrays are in files: mostly what is kept of its object point."""
-
 
 def memory_of_adjustment(plan: Plan) -> float:
     """Bytes that iterations and statistics take beside what is there when the plan is made."""
@@ -715,21 +668,20 @@ def memory_of_adjustment(plan: Plan) -> float:
     rows = np.diff(elimination.row_pointers)
     factor = float(np.sum(elimination.pivots * (elimination.pivots + rows)))
     others = sum(len(row_set.rows) for row_set in plan.row_sets)
-    dense = _NUMBER * (_FACTORS * factor + _FRONTS * float(elimination.largest_front) ** 2)
-    kernels = _KERNELS if len(plan.rays.row) else 0.0
-    of_ray = _OF_RAY_IN_FILES if is_limited() else _OF_RAY
-    return _BUFFERS + kernels + dense + of_ray * len(plan.rays.row) + _OF_OTHER * others
+    # The factor and its selected inverse in the same fronts; the dense front of a parent and the update it gets.
+    dense = 8 * (2 * factor + 2 * float(elimination.largest_front) ** 2)
+    kernels = 30e6 if len(plan.rays.row) else 0.0  # compiled passes over rays, which are loaded when they are needed
+    # Bytes of an image point, and of another row: derivatives, residuals, and what is kept of their quality. With long
+    # arrays in files mostly what is kept of the object point of an image point.
+    of_ray, of_other = 80 if is_limited() else 210, 350
+    buffers = 20e6
+    return buffers + kernels + dense + of_ray * len(plan.rays.row) + of_other * others
 
 
 # ---- The iteration: linearise, build the normal equations, take a step, until nothing moves.
 #
 # Steps are those of Gauss and Newton. If a full step does not gain, a damped one is taken (Levenberg and
 # Marquardt, see :mod:`mor.solve.iterate`). :mod:`mor.solve.iterate` says when the iteration is over.
-
-_ALIKE = 10.0
-"""Condition of the movements of a network, each of length one, from which on it is anchored again while it turns."""
-_SMALL_STEP = 1e-4
-"""Movement, in parts of the size of the network, by which second derivatives are taken."""
 
 
 class SolverSettings(NamedTuple):
@@ -748,7 +700,11 @@ def adjust(
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
     settings = settings or SolverSettings()
     plan = make_plan(problem, eliminable_rays(problem, start))
-    check_room(memory_of_adjustment(plan), "the adjustment", LESS)
+    check_room(
+        memory_of_adjustment(plan),
+        "the adjustment",
+        "adjust fewer observations at a time, or parts of the network separately",
+    )
     with threads_for(plan.elimination.largest_front):
         return _iterated(plan, start, settings, watch)
 
@@ -798,11 +754,11 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     """Singular where something inside the network is loose, or a defect is there that the datum does not settle."""
     defect, datum = state.defect, state.problem.datum
     if defect.inside:
-        return state._replace(outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations")
+        return state._replace(outcome=Outcome.SINGULAR, reason=OPEN)
     if defect.datum.shape[1] and not datum.free:
-        return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
+        return state._replace(outcome=Outcome.SINGULAR, reason=NO_DATUM)
     if not binds(defect.datum, state.constraint, state.problem.index):
-        return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not define the datum")
+        return state._replace(outcome=Outcome.SINGULAR, reason=UNSETTLED)
     return state
 
 
@@ -814,7 +770,9 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
     if settings.gone:
-        for gone, reason in zip(_gone(state, regular + weak), (TO_INFINITY, PAST_CAMERAS), strict=True):
+        for gone, reason in zip(
+            _gone(state, regular + weak), ("points have moved to infinity", PAST_CAMERAS), strict=True
+        ):
             if len(gone):
                 return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
     ended = is_over(state, change, state.inverse.weak)
@@ -829,7 +787,9 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
         taken = accept(state, regular, stride.weak, shift, change)
     if ended and not over and (taken is None or taken.share < 1.0):  # the sum of squares is round-off here
         taken = Taken(_as_a_whole(state, state.values, shift), 0.0, 1.0)
-    if taken is None and change <= AT_THE_LAST_DIGIT:
+    # At a minimum no step of any length and damping makes vᵀPv smaller. If the observations hardly determine a
+    # direction there, round-off moves the network along it by up to 0.1 σ.
+    if taken is None and change <= 0.1:
         return _converged(_at_minimum(state._replace(iterations=(*state.iterations, iteration))))
     if taken is None:
         return state._replace(outcome=Outcome.DIVERGED, reason="no step makes the sum of squares smaller")
@@ -852,7 +812,8 @@ def _swings(state: Adjustment, shift: FloatArray, change: float) -> bool:
     if not bends or len(last) < 3 or max(change, *(one.largest_change for one in last)) > ACCURACY:
         return False
     size = float(np.ptp(state.values["point"], axis=0).max())
-    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > _NEAR_THE_DATUM * size
+    # From this part of the extent of a network, steps that shrink with their squares lead it into its datum.
+    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > 1e-6 * size
 
 
 def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
@@ -863,10 +824,14 @@ def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
     now = state.normals.objective
     if not state.iterations or state.iterations[-1].objective > (1.0 + _STANDS) * now:
         return _NO_POINTS, _NO_POINTS
-    points, last = state.plan.seen_points[0], state.iterations[-_PASSING:]
-    waits = len(last) == _PASSING and all(one.damping for one in last) and last[0].objective <= (1.0 + _STANDS) * now
-    far = points[_toward_points(state.plan, state.values, step)[-1] > (1.0 if waits else _BEYOND)]
-    if not waits or now > _FITS * max(last[-1].redundancy, 1):
+    # After five damped iterations without a gain they are taken to wait for points that steps lead past cameras.
+    rounds = 5
+    points, last = state.plan.seen_points[0], state.iterations[-rounds:]
+    waits = len(last) == rounds and all(one.damping for one in last) and last[0].objective <= (1.0 + _STANDS) * now
+    # In inverse distances: a point is at infinity if a step takes so many from it; 1 if all others wait for it.
+    far = points[_toward_points(state.plan, state.values, step)[-1] > (1.0 if waits else 1e3)]
+    # With a larger vᵀPv a step past a camera is not the fault of a point.
+    if not waits or now > 10.0 * max(last[-1].redundancy, 1):
         return far, _NO_POINTS
     passing = _passing(state, step)
     return far, passing if len(passing) <= max(1, len(points) // 100) else _NO_POINTS
@@ -978,7 +943,8 @@ def _are_alike(movements: FloatArray) -> bool:
     sizes = np.linalg.norm(movements, axis=0)
     if movements.shape[1] < 2 or not (np.isfinite(sizes).all() and sizes.all()):
         return False
-    return bool(np.linalg.cond(np.linalg.qr(movements / sizes, mode="r")) > _ALIKE)
+    # With a larger condition of its movements, each of length one, a network is anchored again while it turns.
+    return bool(np.linalg.cond(np.linalg.qr(movements / sizes, mode="r")) > 10.0)
 
 
 def _at_minimum(state: Adjustment) -> Adjustment:
@@ -992,7 +958,9 @@ def _at_minimum(state: Adjustment) -> Adjustment:
     again = _with_defect(checked._replace(anchors=anchored.unknowns), inverse, defect)
     if again.outcome is not Outcome.SINGULAR:
         return again
-    return _bound_by_curvature(again) or again._replace(reason=SINGULAR_MINIMUM)
+    return _bound_by_curvature(again) or again._replace(
+        reason="at the minimum of the sum of squares, a movement of the network changes no observation"
+    )
 
 
 def _bound_by_curvature(state: Adjustment) -> Adjustment | None:
@@ -1008,14 +976,13 @@ def _bound_by_curvature(state: Adjustment) -> Adjustment | None:
     units = units_of_length(problem.index, state.values)[:, None]
     movements = units * np.linalg.qr(datum / units)[0]
     curvature = np.empty((movements.shape[1], movements.shape[1]))
+    step = 1e-4  # in parts of the size of the network
     for k, movement in enumerate(movements.T):
         there = [
-            gradient_elsewhere(
-                state.plan, move(problem.index, state.values, sign * _SMALL_STEP * movement), state.values
-            )
+            gradient_elsewhere(state.plan, move(problem.index, state.values, sign * step * movement), state.values)
             for sign in (1.0, -1.0)
         ]
-        curvature[:, k] = movements.T @ (there[1] - there[0]) / (2.0 * _SMALL_STEP)
+        curvature[:, k] = movements.T @ (there[1] - there[0]) / (2.0 * step)
     sizes, axes = rotations.eigh(0.5 * (curvature + curvature.T))
     if not sizes[0] > 0.0:
         return None

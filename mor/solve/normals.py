@@ -571,9 +571,6 @@ def gradient_elsewhere(plan: Plan, values: Values, there: Values) -> FloatArray:
 
 # ---- Which points are eliminated on the fly: those that meet nothing but frames, and that their rays determine.
 
-WELL_DETERMINED = 1e-8
-"""Smallest eigenvalue of the normal matrix of a point, scaled to unit diagonal, from which it may be eliminated."""
-
 
 def eliminable_rays(problem: Problem, values: Values) -> RayPlan:
     """Rays of the points that may be eliminated, points in the order of the first frame that sees them.
@@ -648,5 +645,6 @@ def _well_determined(normal: FloatArray) -> BoolArray:
     if len(doubtful):
         s = scale[doubtful]
         scaled = normal[doubtful] * s[:, :, None] * s[:, None, :]
-        good[doubtful] = np.linalg.eigvalsh(scaled)[:, 0] > WELL_DETERMINED
+        # A point may be eliminated if no eigenvalue of its normal matrix, scaled to unit diagonal, is smaller.
+        good[doubtful] = np.linalg.eigvalsh(scaled)[:, 0] > 1e-8
     return good

@@ -23,9 +23,6 @@ from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 # found at the last places is kept. In a large one that would take too much room: only the rows of a chunk are
 # evaluated together.
 
-_KEPT = 2
-"""Places whose equations are kept: where the iteration is, and where it tries to go."""
-
 
 class _Together(NamedTuple):
     """All n rows of one type that observe anything."""
@@ -117,7 +114,8 @@ class Equations:
             for slot in range(len(type_.slots))
         )
         constants = np.concatenate([group.constants[rows[number]] for number, group in alike.items()])
-        together = _Together(type_, blocks, constants, place, deque(maxlen=_KEPT))
+        # Equations are kept of two places: where the iteration is, and where it tries to go.
+        together = _Together(type_, blocks, constants, place, deque(maxlen=2))
         self._together |= dict.fromkeys(alike, together)
 
 
@@ -261,9 +259,6 @@ def _difference(group: ObservationGroup, observed: FloatArray, computed: FloatAr
 
 # ---- Clusters of correlated observations that reach over rows: their Jacobians, of all that are alike together.
 
-_TOGETHER = 2_000_000
-"""Entries of Jacobians and whitening matrices that are in memory together."""
-
 
 class ClusterRows(NamedTuple):
     """A correlated cluster: where its entries stand, and the matrix that makes them uncorrelated."""
@@ -343,7 +338,7 @@ def alike_clusters(problem: Problem, clusters: Sequence[ClusterRows]) -> tuple[A
         alike.setdefault((len(cluster.rows), len(columns)), []).append((cluster, columns))
     found = []
     for (k, c), some in alike.items():
-        many = max(_TOGETHER // (k * (k + c)), 1)
+        many = max(2_000_000 // (k * (k + c)), 1)  # so that their Jacobians and whitening matrices have room
         found += [_together(problem, some[first : first + many]) for first in range(0, len(some), many)]
     return tuple(found)
 
@@ -414,17 +409,15 @@ def columns_of_clusters(problem: Problem, clusters: Sequence[ClusterRows]) -> li
 
 # ---- Observations that have no value or no derivative at a place: a bearing between two points that coincide there.
 
-_PIECE = 100_000
-"""Observations that are looked at together."""
-
 
 def undefined_rows(group: ObservationGroup, index: Index, values: Values) -> IntArray:
     """Rows of a group whose misclosure or derivatives, or their weighted squares, are no numbers at ``values``."""
     tangent = rotation_tangents(index, values)
     found = [np.zeros(0, dtype=np.int64)]
     with np.errstate(all="ignore"):
-        for first in range(0, group.count, _PIECE):
-            piece = slice(first, first + _PIECE)
+        rows_at_a_time = 100_000
+        for first in range(0, group.count, rows_at_a_time):
+            piece = slice(first, first + rows_at_a_time)
             rows = linearise(group, index, values, tangent, piece)
             weight = np.where(group.mask[piece], group.sigma[piece], 1.0) ** -2
             sums = weight * (rows.misclosure**2 + (rows.jacobian**2).sum(axis=2))

@@ -175,10 +175,8 @@ def knot_change(knots: int, part: Mapping[str, FloatArray], tangents: Sequence[F
 #
 # Columns and values are looked up once for every frame, not once for every ray.
 
-_POSITION, _ROTATION = range(2)
-_POSE = ("position", "rotation", "height", "eccentricity")
 _MOTION = ("velocity", "rate", "readout")
-"""Slots of image coordinates in their order: pose, motion of a rolling shutter, interior orientation and point."""
+"""Slots of the motion of a rolling shutter in their order."""
 _WIDTHS = {
     "readout": 1,
     **dict.fromkeys(KNOT_PARTS, 3),
@@ -230,7 +228,7 @@ class GroupFrames:
     clock: FloatArray
     weights: FloatArray
     picks: tuple[Pick, ...] = ()
-    together: tuple[tuple[int, int], ...] = ((_POSITION, _ROTATION),)
+    together: tuple[tuple[int, int], ...] = ((0, 1),)
 
     @property
     def count(self) -> int:
@@ -239,13 +237,13 @@ class GroupFrames:
 
     @property
     def parts(self) -> dict[str, int]:
-        """Slots of a compiled group by what they are."""
-        pose = _POSE[:2] if self.model < ALONG else knot_parts(self.weights.shape[1])
+        """Slots of a compiled group by what they are: pose, motion of a rolling shutter, interior orientation."""
+        pose = ("position", "rotation") if self.model < ALONG else knot_parts(self.weights.shape[1])
         of_own = MOVING <= self.model < ALONG
         read_out = of_own or ALONG + MOVING <= self.model < CROSSING
         motion = _MOTION if of_own else _MOTION[2:] if read_out else ()
-        names = (*pose, *_POSE[2:], *motion)
-        return {name: slot for slot, name in enumerate((*names, "interior"))}
+        names = (*pose, "height", "eccentricity", *motion, "interior")
+        return {name: slot for slot, name in enumerate(names)}
 
 
 class Frames(NamedTuple):

@@ -378,9 +378,6 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
 # other. What is given or was found stays. An end counts where all groups of observations agree with it, and
 # is taken where it is the lowest and was reached twice.
 
-TRIES = 20
-"""Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
-
 
 def from_random_places(
     network: Network, scene: Scene, found: Approximation, settle: SettleNetwork
@@ -404,7 +401,8 @@ def from_random_places(
     random = np.random.default_rng(network.observations)
     ends: list[tuple[Mapping[str, FloatArray], float]] = []
     with np.errstate(all="ignore"):  # from some places numbers grow beyond all bounds
-        for tries in range(1, TRIES + 1):
+        # If one in five starts leads to the solution, two of 20 do with a probability of 93 %.
+        for tries in range(1, 21):
             settled = settle(_drawn(network, scene, found.start, random))
             if settled is None:
                 continue
@@ -613,13 +611,8 @@ def _plain(network: Network, group: ObservationGroup, plain: ObservationType) ->
 #
 # Where the start values do not agree with the observations, other answers to what was in doubt on the way are tried.
 
-OTHERS_TRIED = 12
-"""Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
-FEW = 1_000
-"""Observations from which fewer are tried, in inverse proportion, one at least."""
 
-
-def approximate(network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED) -> Approximation:
+def approximate(network: Network, settle: SettleNetwork | None = None, others: int = 12) -> Approximation:
     """Start values of a network; nothing is done where all are given.
 
     Given poses and points that are start values and no more are tested against the rays; those that contradict are
@@ -658,8 +651,9 @@ def _likeliest(
     def adjusted(assembly: Assembly, judgement: Judgement) -> Judgement:
         return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
 
+    # With more than 1000 observations fewer answers are tried, in inverse proportion, one at least.
     assembly, choices = likeliest(
-        attempt, judged, adjusted, lambda: max(others * FEW // max(network.observations, FEW), min(others, 1))
+        attempt, judged, adjusted, lambda: max(others * 1_000 // max(network.observations, 1_000), min(others, 1))
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 

@@ -256,9 +256,6 @@ def _hashable(value: object) -> Hashable:
 
 # ---- From measured image coordinates back to rays, through any camera model.
 
-_FAR = 2.0**20
-"""Distance of the points on rays; a power of 2 changes no digit of a central projection."""
-
 
 def ideal_rays(
     model: CameraModel, interior: FloatArray, of: IntArray, constants: FloatArray, measured: FloatArray
@@ -284,18 +281,19 @@ def ideal_rays(
 def _chunk_of_rays(model: CameraModel, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> FloatArray:
     axis = np.tile([0.0, 0.0, -1.0], (len(measured), 1))
     with np.errstate(all="ignore"):
-        middle, across = model.project(_FAR * axis, interior, constants, measured), tangent_axes(axis)
-        beside = _solved(_FAR * middle.by_star @ across, measured - middle.xy, 1e-12 * interior[:, 0] ** 2)
+        far = 2.0**20  # a power of 2 changes no digit of a central projection
+        middle, across = model.project(far * axis, interior, constants, measured), tangent_axes(axis)
+        beside = _solved(far * middle.by_star @ across, measured - middle.xy, 1e-12 * interior[:, 0] ** 2)
         ray = start = unit(axis + np.einsum("nij,nj->ni", across, beside))
         for left in range(12, -1, -1):
-            projection = model.project(_FAR * ray, interior, constants, measured)
+            projection = model.project(far * ray, interior, constants, measured)
             wrong = measured - projection.xy
             away = np.abs(wrong).max(axis=1) / interior[:, 0]
             # Parts of the camera constant: no further step is made, and the ray is not reached.
             if not left or np.nanmax(away, initial=0.0) < 1e-12:
                 break
             across = tangent_axes(ray)
-            step = _solved(_FAR * projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
+            step = _solved(far * projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
             ray = unit(ray + np.einsum("nij,nj->ni", across, step))
             # Radians of a step after which no other one is needed, or none leads farther.

@@ -609,21 +609,19 @@ def _named(network: Network, part: Part) -> dict[str, Phrase]:
     return named
 
 
-_REASONS = {
-    "point": "seen from too few known stations: it needs two rays, or a direction and a distance",
-    "image": "it shares too few points with others that have coordinates",
-    "station": "too few points with coordinates are sighted from it",
-    "system": "too few points with known coordinates have coordinates in it",
-    "feature": "too few of its points are known, or they lie on no such shape",
-    "pair": "one of its two images could not be oriented",
-}
-"""Why things stay without start values."""
-
-
 def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[UndeterminedObject, ...]:
     """Name each thing without a value once, with the likely reason."""
     found: dict[tuple[str, str], UndeterminedObject] = {}
     contradicted = _contradicted(network, start)
+    # Why things stay without start values.
+    reasons = {
+        "point": "seen from too few known stations: it needs two rays, or a direction and a distance",
+        "image": "it shares too few points with others that have coordinates",
+        "station": "too few points with coordinates are sighted from it",
+        "system": "too few points with known coordinates have coordinates in it",
+        "feature": "too few of its points are known, or they lie on no such shape",
+        "pair": "one of its two images could not be oriented",
+    }
     for kind, values in start.items():
         lost = np.asarray(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
         if not lost.any():
@@ -633,7 +631,7 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
         tied = _tied_in_height(network, ~lost) if kind == "point" else lost
         for number in np.flatnonzero(lost).tolist():
             thing = thing_of(kind, network.blocks[kind].ids[number])
-            reason = _REASONS.get(thing[0], "no start value is given")
+            reason = reasons.get(thing[0], "no start value is given")
             if levelled[number] == rows[number]:
                 reason = "no height difference ties it to a point with a height"
                 if tied[number]:

@@ -452,8 +452,6 @@ class Stance(NamedTuple):
 
 
 KNOWN = Stance(FreeRotation.NONE, False, False)
-STEP = 1e-6
-"""Step of differences: places change nearly in proportion, and are known to 1e-16 of their size."""
 
 
 def stance_of(target: Part, source: Part) -> Stance:
@@ -520,10 +518,12 @@ class Search(NamedTuple):
     def derivatives(self, states: SimilarityTransformations) -> FloatArray:
         """(k, n, unknowns): those of the equations, and differences of places and turns."""
         k, u = len(states.scale), self.unknowns
-        beside = self.moved(some(states, np.repeat(np.arange(k), u)), np.tile(STEP * np.eye(u), (k, 1)))
+        # Places change nearly in proportion to the step of the differences, and are known to 1e-16 of their size.
+        step = 1e-6
+        beside = self.moved(some(states, np.repeat(np.arange(k), u)), np.tile(step * np.eye(u), (k, 1)))
         there = self._beside_goal(beside).reshape(k, u, -1) - self._beside_goal(states)[:, None]
         change = derivatives(self.rows, self.sides, states, beside)
-        return np.asarray(np.concatenate([change, np.swapaxes(there, 1, 2)], axis=1) / STEP)
+        return np.asarray(np.concatenate([change, np.swapaxes(there, 1, 2)], axis=1) / step)
 
     def _beside_goal(self, states: SimilarityTransformations) -> FloatArray:
         moved = states.scale[:, None, None] * (self.own @ np.swapaxes(states.rotation, 1, 2))

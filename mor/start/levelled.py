@@ -28,8 +28,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
-SECTION_FITS = 1e-2
-"""Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
 
 
 def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bool:
@@ -218,7 +216,8 @@ def station_that_agrees(
     least = 5 if np.isnan(lengths).all() and not oriented else 4
     if len(points) < least:
         return station(np.arange(len(points)))
-    return station(agreeing(len(points), fit, SECTION_FITS / SIGMA_DIRECTION, least - 1))
+    # A bearing or an arc may be off by 0.01 (radians, or part of its length): heights and scale are not yet known well.
+    return station(agreeing(len(points), fit, 1e-2 / SIGMA_DIRECTION, least - 1))
 
 
 def _vectors(part: Part, measured: Terrestrial) -> bool:

@@ -453,8 +453,16 @@ def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) ->
 # It also bears plane scenes, where the eight-point system loses rank.
 
 
-def _product_tables() -> tuple[FloatArray, FloatArray, list[int]]:
-    """Products of linear polynomials, of quadratic with linear ones, and the order of the cubic monomials.
+class _Products(NamedTuple):
+    """Products of linear polynomials, of quadratic with linear ones, and the order of the cubic monomials."""
+
+    of_linear: FloatArray
+    of_quadratic: FloatArray
+    order: list[int]
+
+
+def _product_tables() -> _Products:
+    """Tables of products of polynomials in x, y, z.
 
     First the cubic monomials proper, then the basis of the quotient ring: x² xy y² xz yz z² x y z 1. The digits
     name the variables, 3 stands for the constant 1.
@@ -472,10 +480,10 @@ def _product_tables() -> tuple[FloatArray, FloatArray, list[int]]:
     proper = "000 001 011 111 002 012 112 022 122 222"
     rest = "003 013 113 023 123 223 033 133 233 333"
     order = [cubes.index((int(m[0]), int(m[1]), int(m[2]))) for m in f"{proper} {rest}".split()]
-    return linear, quadratic, order
+    return _Products(linear, quadratic, order)
 
 
-LINEAR_TIMES_LINEAR, QUADRATIC_TIMES_LINEAR, ORDER = _product_tables()
+_PRODUCTS = _product_tables()
 
 
 def null_spaces(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
@@ -490,20 +498,20 @@ def null_spaces(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 def cubic_conditions(basis: FloatArray) -> FloatArray:
     """Coefficients (s, 10, 20) of the ten cubics in x, y, z for bases (s, 4, 3, 3)."""
     E = np.moveaxis(basis, 1, -1)
-    product = np.einsum("sija,skjb,abq->sikq", E, E, LINEAR_TIMES_LINEAR, optimize=True)
+    product = np.einsum("sija,skjb,abq->sikq", E, E, _PRODUCTS.of_linear, optimize=True)
     trace = np.einsum("siiq->sq", product)
     product = 2.0 * product - np.eye(3)[None, :, :, None] * trace[:, None, None, :]
-    nine = np.einsum("sijq,sjkb,qbc->sikc", product, E, QUADRATIC_TIMES_LINEAR, optimize=True)
+    nine = np.einsum("sijq,sjkb,qbc->sikc", product, E, _PRODUCTS.of_quadratic, optimize=True)
     minors = np.stack([_minor(E, k) for k in range(3)], axis=1)
-    determinant = np.einsum("skq,skb,qbc->sc", minors, E[:, 0], QUADRATIC_TIMES_LINEAR, optimize=True)
-    return np.concatenate([nine.reshape(len(E), 9, 20), determinant[:, None]], axis=1)[:, :, ORDER]
+    determinant = np.einsum("skq,skb,qbc->sc", minors, E[:, 0], _PRODUCTS.of_quadratic, optimize=True)
+    return np.concatenate([nine.reshape(len(E), 9, 20), determinant[:, None]], axis=1)[:, :, _PRODUCTS.order]
 
 
 def _minor(E: FloatArray, k: int) -> FloatArray:
     i, j = (k + 1) % 3, (k + 2) % 3
     return np.asarray(
-        np.einsum("sa,sb,abq->sq", E[:, 1, i], E[:, 2, j], LINEAR_TIMES_LINEAR)
-        - np.einsum("sa,sb,abq->sq", E[:, 1, j], E[:, 2, i], LINEAR_TIMES_LINEAR)
+        np.einsum("sa,sb,abq->sq", E[:, 1, i], E[:, 2, j], _PRODUCTS.of_linear)
+        - np.einsum("sa,sb,abq->sq", E[:, 1, j], E[:, 2, i], _PRODUCTS.of_linear)
     )
 
 

@@ -295,9 +295,6 @@ def _model(
 # Two images of a plane, or of a few points, can leave several orientations. With a further image each of them makes
 # another model, and the least-squares fit of the models decides.
 
-SAME = 1e-5
-"""Difference of positions and attitudes up to which two models are one; the first base has length one."""
-
 
 class Joined(NamedTuple):
     """Pairs with the orientations that the model has."""
@@ -323,8 +320,10 @@ def joined(pairs: Sequence[RobustOrientation], images: Sequence[Bundle], used: B
         return order[0]
     lost, least = _misfit(order[0])
     limit = least + AS_GOOD * max(1.0, float(np.nan_to_num(model.sigma0)) ** 2)
-    same = [one for one in order if _away(one.model, model) < SAME]
-    rivals = [one for one in order if _away(one.model, model) >= SAME and _misfit(one) <= (lost, limit)]
+    # Up to this difference of positions and attitudes two models are one; the first base has length one.
+    same_within = 1e-5
+    same = [one for one in order if _away(one.model, model) < same_within]
+    rivals = [one for one in order if _away(one.model, model) >= same_within and _misfit(one) <= (lost, limit)]
     # From another combination the adjustment can come to the same model: the pairs are those that began nearest to it.
     return min(same, key=lambda one: _away(one.chain, model))._replace(rivals=len(rivals))
 

@@ -77,8 +77,7 @@ def _pair(name: str, pose: QuaternionPose) -> Row:
 
 # ---- COLMAP's binary files: little-endian numbers one after the other.
 
-_LENGTH, _LENGTH_AT, _POINT_SIZE = struct.Struct("<Q"), 43, 51
-_TRACK_ELEMENT = 8
+_POINT_SIZE = 51
 
 
 class Bytes:
@@ -183,11 +182,11 @@ def read_points(path: Path) -> tuple[IntArray, FloatArray]:
 
 def _starts(file: Bytes, count: int) -> IntArray:
     """(count,) where the points begin: the length of each one's track says where the next one does."""
-    content, at, length, end = file.content, file.at, _LENGTH.unpack_from, len(file.content)
+    content, at, length, end = file.content, file.at, struct.Struct("<Q").unpack_from, len(file.content)
     starts: list[int] = []
     while len(starts) < count and at + _POINT_SIZE <= end:
         starts.append(at)
-        at += _POINT_SIZE + length(content, at + _LENGTH_AT)[0] * _TRACK_ELEMENT
+        at += _POINT_SIZE + 8 * length(content, at + 43)[0]
     if at > end:
         file.at = starts[-1]
         file.need(at - file.at)

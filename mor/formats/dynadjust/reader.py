@@ -240,9 +240,6 @@ def sexagesimal_words(text: str, words: list[str]) -> str:
 # Source: *DynAdjust User's Guide*, appendices on DNA and DynaML, and what DynAdjust itself writes: a line or
 # an element for each target; the number of the set counts those behind the first.
 
-CODE = "D"
-_FROM, _TARGET = slice(2, 42), NAMES[2]
-
 
 class SetDirection(NamedTuple):
     """A target of a set: its direction as d-m-s, its σ in seconds."""
@@ -258,19 +255,19 @@ def read_directions(found: MeasurementFile) -> None:
     """A set of a DNA file. Raises ``ValueError`` with words."""
     text = found.lines[found.at]
     station, target = (text[place].strip() for place in NAMES[:2])
-    said, off = text[_TARGET].strip(), text[1:2] == "*"
+    said, off = text[NAMES[2]].strip(), text[1:2] == "*"
     sights = [_sight(found, target)]
     while _goes_on(found, found.at + 1):
         found.at += 1
         text = found.lines[found.at]
-        sights.append(_sight(found, text[_TARGET].strip()))
+        sights.append(_sight(found, text[NAMES[2]].strip()))
     put_set(found, station, sights, said, off)
 
 
 def _goes_on(found: MeasurementFile, at: int) -> bool:
     """Return True if a line is one of the set before it: its station is left out."""
     text = found.lines[at] if at < len(found.lines) else ""
-    return text[:1] in (CODE, " ") and not text[_FROM].strip() and bool(text[_TARGET].strip())
+    return text[:1] in ("D", " ") and not text[2:42].strip() and bool(text[NAMES[2]].strip())
 
 
 def _sight(found: MeasurementFile, target: str) -> SetDirection:
@@ -301,12 +298,12 @@ def put_set(found: Collected, station: str, sights: list[SetDirection], said: st
             found.known([station, sight.target], sight.line)
     found.sets += 1
     rows = [Row([station, s.target, s.value, s.sigma, str(found.sets)], s.line) for s in used]
-    found.tables.setdefault(CODE, []).extend(rows)
+    found.tables.setdefault("D", []).extend(rows)
 
 
 def put_directions(found: Collected) -> None:
     """Put the sets that were read into a table."""
-    rows = found.tables.pop(CODE, [])
+    rows = found.tables.pop("D", [])
     columns = ("station", "to", "horizontal", "sigma", "set")
     if rows:
         found.draft.table("observations", columns, rows, type="directions", units={"sigma": "arcsec"})
@@ -781,7 +778,7 @@ def read_measurement(found: Collected, element: Element) -> None:
         found.skip(OFF, element.line)
     elif code in ("G", "X", "Y"):
         _read_cluster(found, element, code)
-    elif code == CODE:
+    elif code == "D":
         # A set of directions: the first target, then an element for each other.
         sights = [_dynaml_sight(element, _text(element, "Second"))]
         sights += [_dynaml_sight(child, _text(child, "Target")) for child in element.all("Directions")]
@@ -801,7 +798,7 @@ def read_measurement(found: Collected, element: Element) -> None:
         cells = [*names, value, sigma, *(heights if kind.heights else [])]
         found.tables.setdefault(code, []).append(Row(cells, element.line))
     else:
-        known = ", ".join(sorted(["G", "X", "Y", CODE, *SINGLE]))
+        known = ", ".join(sorted(["D", "G", "X", "Y", *SINGLE]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
 
 
@@ -1049,11 +1046,11 @@ def _measurement(found: MeasurementFile) -> None:
     if code in "GXY":
         read_cluster(found, code)
         return
-    if code == CODE:
+    if code == "D":
         read_directions(found)
     elif code in SINGLE:
         read_line(found, code)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", CODE, *SINGLE]))
+        known = ", ".join(sorted(["D", "G", "X", "Y", *SINGLE]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
     found.at += 1

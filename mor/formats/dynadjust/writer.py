@@ -37,7 +37,6 @@ from mor.types import FloatArray
 
 _CODES = {kind.type: code for code, kind in KINDS.items()}
 _CLUSTERS = ("gnss_vector", "gnss_position", "geodetic_position")
-_DIRECTIONS = "directions"
 EPOCH = "01.01.2020"
 
 
@@ -115,7 +114,7 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
         words = "names in DNA files have up to 20 letters"
         raise InputError([Message(f"{name!r}: {words}", document.file) for name in long])
     N = points.geoid_by_name if world.orthometric else {}
-    kinds = (*_CODES, *_CLUSTERS, _DIRECTIONS)
+    kinds = (*_CODES, *_CLUSTERS, "directions")
     types = {**PLAIN_TYPES, **earth_types(world.horizon)}
     found = groups(content, kinds, types)
     set_ups = SetUps(content, points.ids)
@@ -143,7 +142,7 @@ def _measurements(
     if group.entry.type in _CLUSTERS:
         yield from _coordinates(group, content.edge.metres)
         yield from _clusters(content, group, N)
-    elif group.entry.type == _DIRECTIONS:
+    elif group.entry.type == "directions":
         yield from _sets(group, set_ups)
     else:
         kind = KINDS[_CODES[group.entry.type]]

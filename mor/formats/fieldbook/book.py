@@ -31,11 +31,6 @@ from mor.formats.draft import Draft, Row, parse_number, read_lines
 from mor.project.levelling import ALONE, REPEATED, SIGMA_KILOMETRE, SIGMA_SET_UP, LevelledDifference, Levelling
 from mor.types import BoolArray, FloatArray
 
-SIGMA_ANGLE = "3 arcsec"
-SIGMA_DISTANCE, PPM = "2 mm", "2"
-SIGMA_CONTROL = "0.01"
-"""Standard deviations of readings and of given coordinates (m): no field book has any."""
-_CONTROL = "".join(map(chr, (*range(9), *range(14, 32), 127)))
 AGREES = 0.1
 """Metres within which a slope distance agrees with given coordinates, for the purpose of telling whose sight it is."""
 APART, APART_IN_HEIGHT = 0.5, 3.0
@@ -53,17 +48,6 @@ CIRCLE_SET = 1e-4
 GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
-_ZERO_HEIGHTS = "heights of given points that are all 0"
-_HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
-_CONTRADICTED = "coordinates that are farther from other given ones, or nearer, than the sights between them allow"
-_WRONG = "coordinates that the measured distances contradict"
-_UPRIGHT = "sights straight up or down, whose horizontal direction means nothing"
-_MOVED = (
-    "sights of set-ups during which the instrument was moved without a record: targets sighted again are as far from "
-    "each other as before, but not from the instrument"
-)
-_POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
-_OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
 
@@ -468,7 +452,10 @@ class FieldBook:
         for set_up, k in [*(first if known and median(known) >= turned else []), *later]:
             sight = set_up.sights[k]
             if sight.target in reached:
-                self.leave_out(_OTHER_HEIGHT if k else _POINTING, sight.line)
+                what = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
+                if k:
+                    what = "zenith angles of sights without a distance to another height than those with one"
+                self.leave_out(what, sight.line)
                 set_up.sights[k] = sight._replace(zenith=None, face=face_of(sight, self.full))
 
     def _take_zeros(self) -> None:
@@ -538,10 +525,13 @@ class FieldBook:
         dropped = 2 * np.count_nonzero(~left)
         if dropped < len(left) or (dropped == len(left) and is_whole[~left].all()):
             for name in np.array(list(plans))[~left].tolist():
-                self.leave_out(_CONTRADICTED, self.points.pop(name).line)
+                self.leave_out(
+                    "coordinates that are farther from other given ones, or nearer, than the sights between them allow",
+                    self.points.pop(name).line,
+                )
         elif dropped > len(left):
             for name in plans:
-                self.leave_out(_WRONG, self.points.pop(name).line)
+                self.leave_out("coordinates that the measured distances contradict", self.points.pop(name).line)
 
     def _plans(self) -> dict[str, complex]:
         """Given coordinates in plan, of the points that have both."""
@@ -599,7 +589,7 @@ class FieldBook:
         if len(heights) > 1 and not any(heights):
             for name, place in self.points.items():
                 if place.height is not None:
-                    self.leave_out(_ZERO_HEIGHTS, place.line)
+                    self.leave_out("heights of given points that are all 0", place.line)
                     self.points[name] = place._replace(height=None)
 
     def _orient(self) -> None:
@@ -728,7 +718,7 @@ class FieldBook:
             if sight.zenith is not None and not 0.0 <= sight.zenith <= self.full:
                 self.leave_out("sights with an impossible zenith angle", sight.line)
             elif (polar := self.polar(sight)) is not None and polar[0] < ROUNDED < (sight.slope or 0.0):
-                self.leave_out(_UPRIGHT, sight.line)
+                self.leave_out("sights straight up or down, whose horizontal direction means nothing", sight.line)
             else:
                 kept.append(sight)
         first: dict[Sight, int] = {}
@@ -766,8 +756,12 @@ class FieldBook:
                     placed.append(piece)
         for set_up in self.set_ups:
             if self._is_moved(set_up.sights):
+                what = (
+                    "sights of set-ups during which the instrument was moved without a record: targets sighted again "
+                    "are as far from each other as before, but not from the instrument"
+                )
                 for sight in set_up.sights:
-                    self.leave_out(_MOVED, sight.line)
+                    self.leave_out(what, sight.line)
                 set_up.sights = []
         if placed:
             names = _first_names([s.station for s in placed])
@@ -842,7 +836,11 @@ class FieldBook:
             for later in reversed(set_up.sights[k + 1 :]):
                 if later.target == sight.target and self._same_place(sight, later):
                     if later.height not in (0.0, sight.height):
-                        self.leave_out(_HEIGHT, sight.line)
+                        what = (
+                            "target heights that differ from those of a later sight to the same place, "
+                            "which are used instead"
+                        )
+                        self.leave_out(what, sight.line)
                         set_up.sights[k] = sight._replace(height=later.height)
                     break
 
@@ -1103,8 +1101,9 @@ def _same_plan(place: PointRecord, coordinates: tuple[float | None, float | None
 
 def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
     """Lines of a file that are not empty, with their numbers, without the control characters of a serial line."""
+    control = "".join(map(chr, (*range(9), *range(14, 32), 127)))
     for line, text in enumerate(read_lines(path, draft), start=1):
-        bare = text.strip(_CONTROL)
+        bare = text.strip(control)
         if bare.strip():
             yield line, bare
 
@@ -1123,7 +1122,7 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         book.points = {}
     least = 1 if occupied else 0  # one height gives a level its datum
     control = _given_together(book, occupied, levelled) > least if measured else len(book.points) > 1
-    sigma = SIGMA_CONTROL if control else None
+    sigma = "0.01" if control else None  # no field book has any
     stated = {name: (repr(h / sqrt(2.0)),) * 2 + (repr(v),) for name, (h, v) in book.precision.items() if h > 0.0 < v}
     flat = _flat(book, occupied, levelled)
     known = [
@@ -1253,13 +1252,15 @@ def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
             for type_, values in _readings(set_up, name, sight, number, circle).items():
                 cells = [None if v is None else str(v) for v in values]
                 tables[type_].append(Row(cells, sight.line))
+    # Standard deviations of readings: no field book has any.
+    sigma_angle, sigma_distance, ppm = "3 arcsec", "2 mm", "2"
     for type_, rows in tables.items():
         far = "distance" in type_
-        sigma = {"sigma": SIGMA_DISTANCE if far else SIGMA_ANGLE}
+        sigma = {"sigma": sigma_distance if far else sigma_angle}
         if rows:
-            draft.table("observations", _COLUMNS[type_], rows, type=type_, values=sigma, ppm=PPM if far else None)
-    words = f"{counted(len(occupied), 'set-up')}, {counted(sets, 'set')} of readings; σ = {SIGMA_ANGLE} for angles"
-    draft.note(f"{words}, {SIGMA_DISTANCE} and {PPM} ppm for distances: no field book says any", occupied[0].line)
+            draft.table("observations", _COLUMNS[type_], rows, type=type_, values=sigma, ppm=ppm if far else None)
+    words = f"{counted(len(occupied), 'set-up')}, {counted(sets, 'set')} of readings; σ = {sigma_angle} for angles"
+    draft.note(f"{words}, {sigma_distance} and {ppm} ppm for distances: no field book says any", occupied[0].line)
 
 
 def _put_levelling(book: FieldBook, levelled: Sequence[LevelledDifference]) -> None:

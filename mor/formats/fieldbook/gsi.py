@@ -188,8 +188,9 @@ class _GsiReader:
             else:
                 self._station_record(name, words, line)
             self._coordinates(name, block)
+            read = ("11", "21", "22", "25", "31", "81", "82", "83", "84", "85", "86", "87", "88")
             for index in words:
-                if index not in _READ and not (index == "32" and "31" not in words):
+                if index not in read and not (index == "32" and "31" not in words):
                     self.book.leave_out(_NAMES.get(index, f"word {index}"), line)
 
     def _staff(self, name: str, block: _GsiBlock) -> None:
@@ -308,9 +309,6 @@ class _GsiReader:
         else:
             self.book.point(name, *place)
         self.sighted = name if block.readings else ""
-
-
-_READ = ("11", "21", "22", "25", "31", "81", "82", "83", "84", "85", "86", "87", "88")
 
 
 def _digits(words: Words, index: str) -> int | None:

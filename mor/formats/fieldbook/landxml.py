@@ -22,38 +22,8 @@ from mor.project.document import Document
 # from it, or is the placeholder 0 that some programs write; so are the coordinates inside the target of an
 # observation, and those of points that Leica's part of the file (HeXML) calls measured or averaged.
 
-_METRES = {
-    "millimeter": 1e-3,
-    "centimeter": 1e-2,
-    "meter": 1.0,
-    "kilometer": 1e3,
-    "foot": 0.3048,
-    "ussurveyfoot": 1200.0 / 3937.0,
-    "inch": 0.0254,
-    "mile": 1609.344,
-}
-_ANGLES = {"radians": "rad", "grads": "gon", "decimal degrees": "deg", "degrees": "deg", "decimal dd.mm.ss": "dms"}
-_COMPUTED = ("computed", "calculated", "derived")
 _INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
 """Elements that observations and set-ups stand in."""
-_DESIGN = ("Alignments", "GradeModel", "Monuments", "Parcels", "PipeNetworks", "PlanFeatures", "Roadways", "Surfaces")
-"""Parts of a file that have no observations."""
-_LEICA = "HexagonLandXML"
-"""Leica's part of a file (HeXML), beside that of LandXML."""
-_CLASSES_COMPUTED = ("measured", "averaged", "estimated", "navigated")
-"""Classes of points in Leica's part whose coordinates were computed from readings."""
-_DESCRIBING = (
-    "SurveyHeader",
-    "Equipment",
-    "FieldNote",
-    "InstrumentPoint",
-    "Backsight",
-    "Corrections",
-    "CgPoints",
-    "InstrumentDetails",
-    "Feature",
-    "SurveyMonument",
-)
 
 
 def read_landxml(path: Path) -> Document:
@@ -63,11 +33,14 @@ def read_landxml(path: Path) -> Document:
     if root.name != "LandXML":
         raise InputError([Message(f"found <{root.name}>, expected <LandXML>", draft.file, root.line)])
     survey = _Survey(FieldBook(draft), *_units(root, draft))
+    # Leica's part of a file (HeXML), beside that of LandXML.
+    leica = "HexagonLandXML"
+    # Classes of points in Leica's part whose coordinates were computed from readings.
     survey.computed = {
         point.attributes.get("uniqueID", "").strip()
-        for element in root.all(_LEICA)
+        for element in root.all(leica)
         for point in element.all("Point")
-        if point.attributes.get("class", "").lower() in _CLASSES_COMPUTED
+        if point.attributes.get("class", "").lower() in ("measured", "averaged", "estimated", "navigated")
     }
     for collection in _descendants(root, "CgPoints"):
         survey.points(collection)
@@ -75,11 +48,22 @@ def read_landxml(path: Path) -> Document:
         survey.set_ups_in(element)
     for element in root.all("Survey"):
         survey.observations_in(element, "")
-    for element in root.all(_LEICA):
-        words = f"{_LEICA} is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
+    for element in root.all(leica):
+        words = f"{leica} is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
         draft.note(words, element.line)
+    # Parts of a file that have no observations.
+    design = (
+        "Alignments",
+        "GradeModel",
+        "Monuments",
+        "Parcels",
+        "PipeNetworks",
+        "PlanFeatures",
+        "Roadways",
+        "Surfaces",
+    )
     for element in root.children:
-        if element.name in _DESIGN:
+        if element.name in design:
             survey.book.leave_out(element.name, element.line)
     survey.finish(_title(root) or path.stem)
     return draft.finish()
@@ -105,16 +89,33 @@ def _units(root: Element, draft: Draft) -> tuple[float, str, str]:
         draft.problem("found no <Units> with <Metric> or <Imperial>: lengths could be anything", root.line)
         return 1.0, "rad", "rad"
     given = inner.attributes.get("linearUnit", "meter" if inner.name == "Metric" else "foot")
-    if given.lower() not in _METRES:
-        draft.problem(f"found the linearUnit {given!r}, expected one of {', '.join(_METRES)}", inner.line)
+    metres_by_name = {
+        "millimeter": 1e-3,
+        "centimeter": 1e-2,
+        "meter": 1.0,
+        "kilometer": 1e3,
+        "foot": 0.3048,
+        "ussurveyfoot": 1200.0 / 3937.0,
+        "inch": 0.0254,
+        "mile": 1609.344,
+    }
+    if given.lower() not in metres_by_name:
+        draft.problem(f"found the linearUnit {given!r}, expected one of {', '.join(metres_by_name)}", inner.line)
     found = []
+    angle_units = {
+        "radians": "rad",
+        "grads": "gon",
+        "decimal degrees": "deg",
+        "degrees": "deg",
+        "decimal dd.mm.ss": "dms",
+    }
     for name in ("angularUnit", "directionUnit"):
         unit = inner.attributes.get(name, "radians")
-        known = _ANGLES.get(" ".join(unit.lower().split()))
+        known = angle_units.get(" ".join(unit.lower().split()))
         if known is None:
-            draft.problem(f"found the {name} {unit!r}, expected one of {', '.join(_ANGLES)}", inner.line)
+            draft.problem(f"found the {name} {unit!r}, expected one of {', '.join(angle_units)}", inner.line)
         found.append(known or "rad")
-    return _METRES.get(given.lower(), 1.0), found[0], found[1]
+    return metres_by_name.get(given.lower(), 1.0), found[0], found[1]
 
 
 @dataclass
@@ -197,6 +198,18 @@ class _Survey:
 
     def observations_in(self, element: Element, key: str) -> None:
         """Observations inside an element; ``key`` is the set-up of those that name none."""
+        describing = (
+            "SurveyHeader",
+            "Equipment",
+            "FieldNote",
+            "InstrumentPoint",
+            "Backsight",
+            "Corrections",
+            "CgPoints",
+            "InstrumentDetails",
+            "Feature",
+            "SurveyMonument",
+        )
         for child in element.children:
             if child.name in ("RawObservation", "ReducedObservation", "ReducedArcObservation"):
                 with self.book.draft.at(child.line, name=child.name):
@@ -207,7 +220,7 @@ class _Survey:
             elif child.name in _INSIDE:
                 own = child.attributes.get("id" if child.name == "InstrumentSetup" else "setupID", "")
                 self.observations_in(child, own or _set_up_of_backsight(child) or key)
-            elif child.name not in _DESCRIBING:
+            elif child.name not in describing:
                 self.book.leave_out(child.name, child.line)
 
     def _observation(self, key: str, element: Element) -> None:
@@ -220,7 +233,10 @@ class _Survey:
             self.book.leave_out(name, element.line)
         computed = {
             value: element.attributes.get(value, "").strip() != ""
-            and (element.attributes.get(f"{kind}Type", "").lower() in _COMPUTED or raw in element.attributes)
+            and (
+                element.attributes.get(f"{kind}Type", "").lower() in ("computed", "calculated", "derived")
+                or raw in element.attributes
+            )
             for value, kind, raw in (
                 ("azimuth", "azimuth", "horizAngle"),
                 ("horizDistance", "distance", "slopeDistance"),
@@ -334,10 +350,6 @@ def _angle(element: Element, name: str, unit: str) -> float | None:
 # ``Grid`` of keyed-in points and ``ComputedGrid`` of GNSS points, with their precision, are given; other
 # ``ComputedGrid``, ``Reductions``, mean turned angles and points by calculation are derived. Source: Trimble, *JobXML*.
 
-_FACES = {"Face1": 1, "Face2": 2}
-_JOBXML_COMPUTED = ("MeanTurnedAngle", "MTA", "Intersect", "Resection", "Calculated", "Copied")
-"""Methods of points that other records of the job gave."""
-
 
 def read_jobxml(path: Path) -> Document:
     """The project of a job. Raises :class:`InputError` with every mistake found."""
@@ -392,7 +404,8 @@ class _LandXmlReader:
         if not name:
             raise ValueError("found no Name")
         circle = next(iter(record.all("Circle")), None)
-        if circle is not None and method not in _JOBXML_COMPUTED:
+        given_by_others = ("MeanTurnedAngle", "MTA", "Intersect", "Resection", "Calculated", "Copied")
+        if circle is not None and method not in given_by_others:
             self._sight(record, circle, name)
         elif record.all("Grid") and method in ("Coordinates", "", "KeyedIn"):
             (grid, *_) = record.all("Grid")
@@ -429,7 +442,7 @@ class _LandXmlReader:
         if angles == (None, None) and slope is None:
             self.book.leave_out("points without readings", record.line)
             return
-        face = _FACES.get(_text(circle, "Face"), 0)
+        face = {"Face1": 1, "Face2": 2}.get(_text(circle, "Face"), 0)
         station.sights.append(Sight(name, record.line, *angles, slope, None, height, face))
 
 

@@ -202,7 +202,6 @@ class _Nikon:
 
 _DTM300 = re.compile(r"\s*[01]\s*,\s*[0-3]\s*,\s*[MFN][DGM]\s*,")
 _STATION_300 = re.compile(r"(.+?)-+([\d.]*)")
-_LENGTHS_300 = {"M": 1.0, "F": LENGTH_UNITS["us-ft"], "N": 0.3048}
 
 
 def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
@@ -214,6 +213,7 @@ def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
     of 6400 (M). Source: GeoEasy, which reads it.
     """
     with_place = 0
+    metres_by_unit = {"M": 1.0, "F": LENGTH_UNITS["us-ft"], "N": 0.3048}
     for line, text in lines:
         cells = _cells(text, 8)
         with book.draft.at(line):
@@ -225,7 +225,7 @@ def _read_dtm300(lines: list[tuple[int, str]], book: FieldBook) -> None:
             if state != "1":
                 book.leave_out("records that were deleted", line)
                 continue
-            metres = _LENGTHS_300[units[0]]
+            metres = metres_by_unit[units[0]]
             if type_ == "0":
                 if not any(set_up.sights for set_up in book.set_ups):
                     book.angle = "deg" if units[1] == "D" else "gon"
@@ -270,7 +270,7 @@ def read_topcon(path: Path) -> Document:
     draft = Draft(str(path))
     book = FieldBook(draft)
     lines = list(records(path, draft))
-    if lines and _GTS6.match(lines[0][1]):
+    if lines and re.match(r"_'[^_]*_\(", lines[0][1]):
         _read_gts6(lines, book)
     else:
         reader = _Topcon(book, lines)
@@ -335,7 +335,6 @@ class _Topcon:
             self.book.leave_out("differences of height (HD)", line)
 
 
-_GTS6 = re.compile(r"_'[^_]*_\(")
 _GTS6_RECORD = re.compile(r"_(['+*])(.*?)(?=_['+*]|$)")
 _GTS6_READINGS = re.compile(
     r"[?W](?P<slope>[+-]\d{8,9})[mf](?P<zenith>\d{7,8})(?P<circle>[+-]\d{7,8})[dg]"

@@ -87,17 +87,14 @@ def _angle_unit(entries: list[Entry], book: FieldBook) -> bool:
     return False
 
 
-_LENGTHS = ("3", "6", "9", "11", "37", "38", "39")
-_NOTES = {"0": "notes", "4": "codes", "23": "units"}
-
-
 def _thing(
     entries: list[Entry], book: FieldBook, dms: bool, height: float, backsights: list[tuple[InstrumentSetUp, Sight]]
 ) -> float:
     """A station, reference object or point with all that follows it; returns the target height from here on."""
     values = {label: (value, line) for label, value, line in entries}
     kind, name, line = entries[0]
-    numbers = {label: parse_number(values[label][0]) for label in _LENGTHS if label in values}
+    labels = ("3", "6", "9", "11", "37", "38", "39")
+    numbers = {label: parse_number(values[label][0]) for label in labels if label in values}
     angles = {
         label: sexagesimal(values[label][0]) if dms else parse_number(values[label][0])
         for label in _ANGLES
@@ -126,21 +123,16 @@ def _thing(
         add(name, numbers.get("38"), numbers.get("37"), numbers.get("39"), line)
     for sight in sights:
         book.sight(sight)
-    used = {*_BEGIN, *_LENGTHS, "21", *(label for pair in faces for label in pair)}
+    used = {*_BEGIN, *labels, "21", *(label for pair in faces for label in pair)}
     for label, (_, at) in values.items():
         if label not in used:
-            book.leave_out(_NOTES.get(label, f"label {label}"), at)
+            book.leave_out({"0": "notes", "4": "codes", "23": "units"}.get(label, f"label {label}"), at)
     return height
 
 
 # ---- Leica IDX: sections of POINTS, SETUP and SLOPE; the header says the units.
 
-_SLOPE = ("TGTNO", "TGTID", "CFGNO", "HZ", "VZ", "SDIST", "REFHT")
 _IGNORED = ("VERSION", "SYSTEM", "UNITS", "TEMP", "PRESS", "TIME", "PROJECT", "NAME", "OPERATOR", "CREATION_DATE")
-
-
-_GIVEN = ("", "FIX", "FIXED", "CTRL", "CONTROL", "REF", "NONE")
-"""Classes of points whose coordinates were not computed from readings; MEAS, AVGE, EST and others were."""
 
 
 def read_idx(path: Path) -> Document:
@@ -209,7 +201,8 @@ class _SectionReader:
             place = [values.get(name, "") for name in ("EAST", "NORTH", "ELEVATION")]
             if any(place):
                 east, north, up = (parse_number(text) * self.metres if text else None for text in place)
-                given = values.get("CLASS", "") in _GIVEN
+                # Coordinates of other classes (MEAS, AVGE, EST) were computed from readings.
+                given = values.get("CLASS", "") in ("", "FIX", "FIXED", "CTRL", "CONTROL", "REF", "NONE")
                 add = self.book.point if given else self.book.computed_point
                 add(values.get("POINTID", ""), east, north, up, line)
         elif self.section == "SLOPE":
@@ -218,9 +211,10 @@ class _SectionReader:
             self.book.leave_out(f"{self.section} records", line)
 
     def _slope(self, values: dict[str, str], line: int) -> None:
-        missing = [name for name in _SLOPE if name not in values]
+        needed = ("TGTNO", "TGTID", "CFGNO", "HZ", "VZ", "SDIST", "REFHT")
+        missing = [name for name in needed if name not in values]
         if missing:
-            raise ValueError(f"found no {', '.join(missing)}, expected {', '.join(_SLOPE)}")
+            raise ValueError(f"found no {', '.join(missing)}, expected {', '.join(needed)}")
         angle = sexagesimal if self.sexagesimal else parse_number
         slope = parse_number(values["SDIST"]) * self.metres
         sight = Sight(
@@ -248,7 +242,6 @@ class _SectionReader:
 
 _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
 _KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih", "Om", "Tv", "Tr", "Tl", "Rb", "Rf", "Rz")
-_BESIDE = "sights without a distance and zenith angle to a target beside the point (Tv, Tr, Tl)"
 _ALIASES = {"D": "SD", "E": "HD", "Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "L": "R"}
 """Names of Zeiss instruments."""
 _LEVELLED = {"Rb", "Rf", "Rz", "Lr", "Lv", "Lz", "HD", "E", "Z"}
@@ -440,7 +433,9 @@ class _M5Reader:
             centred = _centred(sight, *self.beside[1:], self.book.full)
             self.beside = ("", 0.0, 0.0)
             if centred is None:
-                self.book.leave_out(_BESIDE, line)
+                self.book.leave_out(
+                    "sights without a distance and zenith angle to a target beside the point (Tv, Tr, Tl)", line
+                )
                 return
             sight = centred
         if self.stationing:
@@ -484,22 +479,17 @@ def _place(values: dict[str, tuple[float, str]]) -> Place:
 _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
 _CELL = re.compile(r"([NE](?=\s*[-.\d])|[A-Z]{2})\s*(.*)")
-_SIGHT_KEYS = ("OP", "FP", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD")
-_PLACE_KEYS = ("OP", "PN", "N", "E", "EL")
 _USED = {
     "JB": ("NM",),
     "MO": ("UN", "AU", "SF", "EO", "AD", "EC"),
-    "OC": _PLACE_KEYS,
-    "SP": _PLACE_KEYS,
+    **dict.fromkeys(("OC", "SP"), ("OP", "PN", "N", "E", "EL")),
     "BK": ("OP", "BP", "BS", "BC"),
     "LS": ("HI", "HR"),
-    **dict.fromkeys(_SIGHTS, _SIGHT_KEYS),
+    **dict.fromkeys(_SIGHTS, ("OP", "FP", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD")),
 }
 """Keys of the values that are read, by record, besides the date DT and the time TM."""
 _RW5_ANGLE = re.compile(r",(?:A[RLZ]|D[RL]|ZE|BS|BC)\s*(\d+\.\d*[1-9])")
 _RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
-_UNITS = {0: 0.3048, 1: 1.0, 2: LENGTH_UNITS["us-ft"]}
-"""Metres of feet, metres, US survey feet."""
 
 
 def read_rw5(path: Path) -> Document:
@@ -604,9 +594,10 @@ class _RW5Reader:
 
     def _mode(self, cells: dict[str, str], line: int) -> None:
         unit = parse_number(cells.get("UN") or "1")
-        if unit not in _UNITS:
+        metres_by_unit = {0: 0.3048, 1: 1.0, 2: LENGTH_UNITS["us-ft"]}
+        if unit not in metres_by_unit:
             raise ValueError(f"found UN{cells['UN']}, expected 0 (feet), 1 (metres) or 2 (US survey feet)")
-        self.metres = _UNITS[int(unit)]
+        self.metres = metres_by_unit[int(unit)]
         is_gon = parse_number(cells.get("AU") or "0") == 1
         self.book.angle = "gon" if is_gon and self.may_be_gon else "deg"
         if is_gon and not self.may_be_gon:
@@ -692,17 +683,8 @@ class _RW5Reader:
 # and 11 are reduced. Spectra instruments write the readings of a resection as notes 13F1 and 13F2 before the
 # station that follows from them.
 
-_LEFT_OUT = {
-    "01": "instrument records",
-    "06": "scale records",
-    "07": "back bearings: the reading stands among the observations, too",
-    "10": "job records",
-    "11": "reduced observations",
-    "13": "notes",
-}
 _FROM_HORIZON = re.compile(r".{49}[13]2(?:[ -]|\d+\.|$)")
 """Record of an instrument whose vertical angles count from the horizon: 2 in column 51, where 1 is the zenith."""
-_METRES = {"1": 1.0, "2": 0.3048, "3": LENGTH_UNITS["us-ft"]}
 
 
 def read_sdr(path: Path) -> Document:
@@ -788,7 +770,15 @@ class _SDRReader:
             if kind == "13" and "resection" in text.lower():
                 self.book.forget_waiting("sights of a resection that was started again")
                 self.resection = line
-            self.book.leave_out(_LEFT_OUT.get(kind, f"records {kind}"), line)
+            names = {
+                "01": "instrument records",
+                "06": "scale records",
+                "07": "back bearings: the reading stands among the observations, too",
+                "10": "job records",
+                "11": "reduced observations",
+                "13": "notes",
+            }
+            self.book.leave_out(names.get(kind, f"records {kind}"), line)
 
     def _station(self, text: str, line: int) -> None:
         name, *place, height = self._fields(text, 1, 4)
@@ -812,10 +802,11 @@ class _SDRReader:
             self.width, self.number_width = 4, 10
         if digits[0] not in "12":
             raise ValueError(f"found angles of kind {digits[0]}, expected 1 (degrees) or 2 (gon)")
-        if digits[1] not in _METRES:
+        metres_by_unit = {"1": 1.0, "2": 0.3048, "3": LENGTH_UNITS["us-ft"]}
+        if digits[1] not in metres_by_unit:
             raise ValueError(f"found lengths of kind {digits[1]}, expected 1 (metres), 2 or 3 (feet)")
         self.book.angle = "deg" if digits[0] == "1" else "gon"
-        self.metres = _METRES[digits[1]]
+        self.metres = metres_by_unit[digits[1]]
         self.east_first = digits[4] == "2"
 
     def _fields(self, text: str, names: int, numbers: int) -> list[str]:

@@ -22,7 +22,6 @@ from mor.units import ANGLE_UNITS, parse_dms
 # ---- Elements and attributes of GNU Gama XML input, and the errors for others.
 
 Check = Callable[[str], object]
-_COMPONENTS = ("xy", "XY", "z", "Z", "xyz", "XYZ", "XYz", "xyZ")
 
 
 def is_dms(text: str) -> bool:
@@ -102,8 +101,6 @@ class ElementRule(NamedTuple):
 
 
 _SIGHT = {"from": _identifier, "stdev": _positive, "from_dh": parse_number, "to_dh": parse_number, "extern": _anything}
-_LENGTH = ElementRule((), {"to": _identifier, "val": _positive}, _SIGHT)
-_ANGULAR = ElementRule((), {"to": _identifier, "val": _angle}, _SIGHT)
 RULES = {
     "gama-local": ElementRule(("network",), {}, {"xmlns": _anything, "version": _anything}),
     "network": ElementRule(
@@ -143,8 +140,7 @@ RULES = {
         {"id": _identifier},
         {
             **dict.fromkeys("xyz", parse_number),
-            "fix": _one_of(*_COMPONENTS),
-            "adj": _one_of(*_COMPONENTS),
+            **dict.fromkeys(("fix", "adj"), _one_of("xy", "XY", "z", "Z", "xyz", "XYZ", "XYz", "xyZ")),
             "extern": _anything,
         },
     ),
@@ -153,11 +149,8 @@ RULES = {
         {},
         {"from": _identifier, "orientation": _angle, "from_dh": parse_number, "extern": _anything},
     ),
-    "direction": _ANGULAR,
-    "azimuth": _ANGULAR,
-    "z-angle": _ANGULAR,
-    "distance": _LENGTH,
-    "s-distance": _LENGTH,
+    **dict.fromkeys(("direction", "azimuth", "z-angle"), ElementRule((), {"to": _identifier, "val": _angle}, _SIGHT)),
+    **dict.fromkeys(("distance", "s-distance"), ElementRule((), {"to": _identifier, "val": _positive}, _SIGHT)),
     "angle": ElementRule(
         (),
         {"bs": _identifier, "fs": _identifier, "val": _angle},

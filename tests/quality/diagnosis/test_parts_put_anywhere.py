@@ -6,10 +6,10 @@ import numpy as np
 
 from mor.api.pipeline import make_problem, read_document, read_network
 from mor.errors import Message
-from mor.quality.determinability import OPEN, PUT_ANYWHERE, with_fitting_reason
+from mor.quality.determinability import PUT_ANYWHERE, with_fitting_reason
 from mor.quality.solution import Solved
 from mor.report.text import verdict
-from mor.solve.iterate import Outcome, adjust
+from mor.solve.iterate import OPEN, Outcome, adjust
 from mor.start.part import Join, Tie, rule, untied
 
 TWO_PARTS = """mor: 1
