@@ -121,7 +121,7 @@ def covariance_by_pycolmap(python: str, block: Path) -> dict[str, Any]:
 
 def _answer(done: Run) -> dict[str, Any]:
     if done.code:
-        words = done.errors.strip().split("\n")[0]
+        words = done.errors.strip().split("\n")[-1]
         raise NotAvailableError(f"ended with code {done.code}: {words}")
     found: dict[str, Any] = json.loads(done.output)
     return found

@@ -19,8 +19,9 @@ class Table(NamedTuple):
 
 
 def plain(results: dict[str, Any]) -> str:
-    """All tables in aligned columns."""
-    return "\n".join([_machine(results["machine"]), *_notes(results), *map(_aligned, tables(results["cases"]))])
+    """All tables in aligned columns, and what was aimed at."""
+    found = [*tables(results["cases"]), judged_figures(results["cases"])]
+    return "\n".join([_machine(results["machine"]), *_notes(results), *map(_aligned, found)])
 
 
 def markdown(results: dict[str, Any]) -> str:
@@ -31,10 +32,7 @@ def markdown(results: dict[str, Any]) -> str:
 
 def tables(cases: Cases) -> list[Table]:
     """Those tables that have rows."""
-    every = (
-        *(iterations(cases), deviations(cases), agreement(cases), commands(cases)),
-        *(networks(cases), judged_figures(cases)),
-    )
+    every = (iterations(cases), deviations(cases), agreement(cases), commands(cases), networks(cases))
     return [table for table in every if table.rows]
 
 
