@@ -1,4 +1,4 @@
-"""Times mor and its peers on the same data, one after the other in one run, and prints the ratios.
+"""Time mor and its peers on the same data, one after the other in one run, and print the ratios.
 
     python benchmarks/run.py [CASE …]       the usual cases when none are named; --list names all
     python benchmarks/run.py --page docs/benchmarks.md     put the tables into the page

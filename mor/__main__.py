@@ -101,7 +101,7 @@ class _WhenUsed:
     def find_spec(
         cls, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """What the usual finder has, with a loader that waits; nothing for any other module."""
+        """Return what the usual finder has, with a loader that waits; nothing for any other module."""
         spec = PathFinder.find_spec(name, path, target) if name in cls.NAMES else None
         if spec is not None and spec.loader is not None:
             spec.loader = LazyLoader(spec.loader)

@@ -113,7 +113,7 @@ def _of_machine() -> float | None:
 
 
 def _of_group() -> float | None:
-    """What the control group leaves, and the groups it is in (version 2, or 1); files in their caches give way."""
+    """Return what the control groups leave (version 2, or 1); files in their caches give way."""
     found = [
         most - now + (_field(folder / "memory.stat", cache, 1.0) or 0.0)
         for folder, limit, used, cache in _groups()

@@ -149,12 +149,7 @@ def command(
 
 def _read(paths: Sequence[Path], named: Mapping[Path, Sequence[Sequence[str]]]) -> list[Found]:
     """Tables of all files. Coordinates may tell the columns of those without a header."""
-    from mor.project.headerless import (
-        HeaderlessError,
-        listed_places,
-        names_by_coordinates,
-        names_of_lists,
-    )
+    from mor.project.headerless import HeaderlessError, listed_places, names_by_coordinates, names_of_lists
 
     found: dict[Path, list[Found]] = {}
     bare: dict[Path, HeaderlessError] = {}
@@ -173,13 +168,12 @@ def _read(paths: Sequence[Path], named: Mapping[Path, Sequence[Sequence[str]]]) 
     for path, mistake in bare.items():
         if not used.isdisjoint(listed[path]):
             told[path] = ["id", "x", "y", "z"][: len(mistake.rows[0])]
-        told[path] = told[path] or by_names.get(path, [])
-        if not told[path]:
+        if not (names := told[path] or by_names.get(path, [])):
             raise mistake
-        words = f"no header: read as {', '.join(told[path])}, as coordinates and distances agree"
-        if path in by_names:
-            words = f"no header: read as {', '.join(told[path])}, as names of points agree"
-        found[path] = [t._replace(notes=(*t.notes, words)) for t in _recognised(path, told[path])]
+        words = f"no header: read as {', '.join(names)}, as coordinates and distances agree"
+        if not told[path]:
+            words = f"no header: read as {', '.join(names)}, as names of points agree"
+        found[path] = [t._replace(notes=(*t.notes, words)) for t in _recognised(path, names)]
     return [table for tables in found.values() for table in tables]
 
 

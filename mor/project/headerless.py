@@ -79,11 +79,11 @@ _APART = "write each table to a file of its own, with the names of its columns i
 
 
 def without_counts(rows: Cells) -> Cells:
-    """Rows without a first one that counts those of tables below it."""
+    """Rows without a first one of numbers, among them the count of each of several tables below it."""
     numbers = rows[0] if rows and all(NUMBER.fullmatch(cell.strip()) for cell in rows[0]) else ()
-    counts = {len(tuple(block)) for _, block in groupby(rows[1:], key=len)} - {1}
-    is_count = len(set(map(len, rows))) > 1 and any(int(n) in counts for n in map(str.strip, numbers) if n.isdecimal())
-    return rows[1:] if is_count and len(rows[0]) > 1 else rows
+    counts = {len(tuple(block)) for _, block in groupby(rows[1:], key=len)}
+    is_count = len(counts) > 1 and counts <= {int(cell) for cell in map(str.strip, numbers) if cell.isdecimal()}
+    return rows[1:] if is_count else rows
 
 
 def titles_of_sections(rows: Cells) -> list[str]:
@@ -113,10 +113,9 @@ def _is_image_pair(rows: Cells) -> bool:
     """Return whether rows are points with their coordinates in two images, which differ by nearly the same parallax."""
     if len(rows) < 5 or {len(row) for row in rows} != {5}:
         return False
-    values = [[number_in(cell.strip()) for cell in row[1:]] for row in rows]
-    if any(None in row for row in values):
+    if not all(NUMBER.fullmatch(cell.strip()) for row in rows for cell in row[1:]):
         return False
-    x1, y1, x2, y2 = ([row[k] or 0.0 for row in values] for k in range(4))
+    x1, y1, x2, y2 = ([number_in(row[k].strip()) or 0.0 for row in rows] for k in range(1, 5))
     return all(
         pstdev([b - a for a, b in zip(one, other, strict=True)]) < 0.5 * pstdev(one)
         for one, other in ((x1, x2), (y1, y2))
@@ -164,6 +163,7 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
     falls = [any(cell.startswith("-") for cell in cells) for cells in columns[names:]]
     is_network = names > 1 and not set(columns[0]).isdisjoint({*columns[1], *listed})
     is_short = any(0.0 < abs(number_in(cell) or 0.0) < 1.0 for cell in columns[min(names, len(columns) - 1)])
+    # Pixels from a corner; σ and lengths of lines in kilometres are smaller.
     are_pixels = not any(falls) and all(median(number_in(v) or 0.0 for v in own) > 50.0 for own in columns[names:])
     told = next((meant for meant, form in _NAMES_OF_FILES if form.search(path.stem.lower())), "")
     if not names:

@@ -231,9 +231,13 @@ def _of_several_widths(path: Path, cells: _File, names: Sequence[Sequence[str]])
     filled = tuple(full for row in cells.rows if (full := tuple(filter(None, map(str.strip, row)))))
     begin = len(cells.rows) - len(without_counts(filled)) if len(filled) == len(cells.rows) else 0
     cells = cells._replace(rows=cells.rows[begin:], lines=cells.lines[begin:])
-    counts = ("the first row counts rows of the tables below it: not used",) if begin else ()
+    notes = ["the first row counts rows of the tables below it: not used"] if begin else []
+    kept = [k for k, row in enumerate(cells.rows) if not _is_end_mark(row)]
+    if ends := len(cells.rows) - len(kept):
+        notes.append(f"-99 and zeros end a list: {counted(ends, 'row')} not used")
+    cells = cells._replace(rows=tuple(cells.rows[k] for k in kept), lines=tuple(cells.lines[k] for k in kept))
     above = [own for own in names if {"station", "image"} & {*own} and not kinds_of(named_columns(own))]
-    parts, notes = list[list[Found]](), list[str](counts)
+    parts = list[list[Found]]()
     for own in names:
         rows = _of_width(cells, len(own))
         if {*own} <= {"", "-"}:
@@ -251,6 +255,13 @@ def _of_several_widths(path: Path, cells: _File, names: Sequence[Sequence[str]])
         for k, part in enumerate(parts, 1)
         for t in part
     ]
+
+
+def _is_end_mark(row: Sequence[str]) -> bool:
+    """Return whether a row is -99 or its like, and zeros."""
+    first, *zeros = [*filter(None, map(str.strip, row))] or [""]
+    is_zero = [NUMBER.fullmatch(cell) is not None and number_in(cell) is None for cell in zeros]
+    return re.fullmatch(r"-9+(\.0*)?", first) is not None and bool(zeros) and all(is_zero)
 
 
 def _below(cells: _File, above: int, width: int) -> _File:

@@ -80,7 +80,7 @@ def read_scanner(reading: Reading, name: str, camera: Camera, scale: ImageScale)
 
 
 def read_line_times(reading: Reading) -> None:
-    """Times of lines from the tables of line times, by the image they are of."""
+    """Read the times of lines by image from the tables of line times."""
     for number, table in enumerate(reading.project.line_times):
         columns = [
             Column("image", required=True),

@@ -400,11 +400,11 @@ def _lines(network: Network) -> list[_Line]:
             named |= {int(start[row]), int(end[row])}
     free = network.blocks["point"].free
     deviation, value = network.sigma["point"], network.start["point"]
+    ground = -1  # where lines to known heights begin
     for block in sorted(named):
         known = not free[block, 2] or np.isfinite(deviation[block, 2])
         if known and np.isfinite(value[block, 2]):
             variance = float(deviation[block, 2]) ** 2 if free[block, 2] else 0.0
-            ground = -1
             lines.append(_Line(ground, block, float(value[block, 2]), variance, None, 0))
     return lines
 

@@ -174,7 +174,7 @@ def test_rows_of_several_lengths_without_headers(tmp_path: Path) -> None:
     ("text", "likely"),
     [
         (
-            "7 3 0.005\nA 35.4\nB 45.7\n1 A C 8.22 4.0\n2 C B 2.06 2.0\n3 A B 10.28 2.0\n",
+            "7 3 2 0.005\nA 35.4\nB 45.7\n1 A C 8.22 4.0\n2 C B 2.06 2.0\n3 A B 10.28 2.0\n",
             "id,z|-,from,to,dz,length",
         ),
         ("0 0 675.0 242.5\n0 1 1209.0 586.0\n1 0 354.0 447.5\n1 1 767.0 239.0\n1 2 90.0 77.0\n", "image,point,x,y"),
@@ -211,6 +211,15 @@ def test_several_tables_without_a_header_are_told_apart_by_the_user(tmp_path: Pa
     with pytest.raises(InputError, match=words) as error:
         recognise(tmp_path / "t.txt", text)
     assert "write each table to a file of its own" in str(error.value)
+
+
+def test_a_known_height_is_no_count_of_rows(tmp_path: Path) -> None:
+    """Its name is the number of levelled lines below."""
+    (tmp_path / "t.txt").write_text("2 100.0\n5 101.0\n2 5 1.0 1\n2 3 2.0 1\n")
+    options = ("--columns", "t.txt", "id,z", "--columns", "t.txt", "from,to,dz,length")
+    done = mor("new", tmp_path / "p.yaml", tmp_path / "t.txt", *options)
+    assert "t.txt: points, 2 rows" in done.err
+    assert "not used" not in done.err
 
 
 def test_image_coordinates_of_a_pair_go_to_the_relative_orientation(tmp_path: Path) -> None:
@@ -254,11 +263,13 @@ def test_sights_below_rows_of_their_stations(tmp_path: Path) -> None:
 
 
 def test_image_points_below_rows_of_their_images(tmp_path: Path) -> None:
-    rows = "".join(f"{k} 0\n11 {k}.5 -7.25\n12 -3.5 {k}.75\n13 2.5 {k}.25\n-99 0\n" for k in (321, 322, 323))
+    rows = "".join(f"{k} 0\n11 {k}.5 -7.25\n12 -3.5 {k}.75\n13 2.5 {k}.25\n-99 0.0 0.0\n" for k in (321, 322, 323))
     (tmp_path / "t.dat").write_text(rows)
     likely = ("--columns", "t.dat", "image,-", "--columns", "t.dat", "point,x,y")
     assert " ".join(likely) in mor("new", tmp_path / "p.yaml", tmp_path / "t.dat").err
-    assert "t.dat: image, 9 rows" in mor("new", tmp_path / "p.yaml", tmp_path / "t.dat", *likely).err
+    done = mor("new", tmp_path / "p.yaml", tmp_path / "t.dat", *likely)
+    assert "t.dat: image, 9 rows" in done.err
+    assert "-99 and zeros end a list: 3 rows not used" in done.err
 
 
 def test_names_tell_image_points_from_coordinates(tmp_path: Path) -> None:
