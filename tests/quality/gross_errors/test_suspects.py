@@ -9,7 +9,7 @@ import pytest
 
 from mor.quality.assessment import Levels, assess
 from mor.quality.outliers import BY_WEIGHTS, left_out, may_be_absurd, without_suspects
-from mor.quality.robust_estimation import graduated_weights
+from mor.quality.robust_estimation import graduated_weights, settled_weights
 from mor.quality.snooping import put_back
 from mor.solve.inverse import normalised_misclosures, reweighted_plan
 from mor.solve.iterate import Outcome, SolverSettings, adjust
@@ -142,6 +142,18 @@ def test_far_start_values_are_no_gross_errors():
     wrong = np.concatenate([mask.any(axis=1) for mask in scene.wrong])
     named = np.concatenate([mask.any(axis=1) for mask in found.suspects])
     assert np.count_nonzero(named & ~wrong) <= 0.01 * len(wrong)
+
+
+def test_a_ray_without_an_image_at_the_start_values_is_a_suspect():
+    """A point that lies where the camera stands has no direction from there."""
+    scene = spoiled(4, "close range", 0.0)
+    values = {kind: own.copy() for kind, own in scene.truth.items()}
+    camera, *_, point = scene.problem.groups[0].blocks_of("point")
+    values["point"][point[0]] = values["point"][camera[0]]
+    with np.errstate(all="ignore"):  # 0 / 0
+        found = settled_weights(scene.problem, values)
+    assert all(np.isfinite(sizes).all() for sizes in found.sizes)
+    assert any(mask.any() for mask in found.suspects)
 
 
 @pytest.mark.slow
