@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
+from functools import cache, partial
 from pathlib import Path
 from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -80,9 +80,9 @@ class Asked(NamedTuple):
 
 @contextmanager
 def workers_of(asked: Asked) -> Iterator[Callable[[], ComputeCluster | None]]:
-    """Yield a function that waits for the workers that were asked for; they start in another thread.
+    """Yield a function that returns the workers that were asked for; those of this machine start when it is called.
 
-    The function raises :class:`InputError` if they cannot do the work.
+    Raises :class:`InputError` if they cannot do the work, and so does the function.
     """
     if asked.workers is None and asked.cluster is None:
         yield lambda: None
@@ -91,9 +91,12 @@ def workers_of(asked: Asked) -> Iterator[Callable[[], ComputeCluster | None]]:
         raise InputError([Message("--workers and --cluster together; give either of them")])
     from mor.solve.cluster import connected, local
 
-    place = local(asked.workers) if asked.workers is not None else connected(None, asked.cluster or "")
-    with ExitStack() as held, ThreadPoolExecutor(1) as thread:
-        yield thread.submit(held.enter_context, place).result
+    with ExitStack() as held:
+        if asked.workers is not None:
+            yield cache(partial(held.enter_context, local(asked.workers)))
+        else:
+            there = held.enter_context(connected(None, asked.cluster or ""))
+            yield lambda: there
 
 
 @click.command(name="adjust")
@@ -146,7 +149,7 @@ def workers_of(asked: Asked) -> Iterator[Callable[[], ComputeCluster | None]]:
     "--workers",
     metavar="N",
     type=click.IntRange(min=1),
-    help="Processes that do the passes over image points, instead of threads (needs mor-adjustment[dask]).",
+    help="Processes that do the passes over a million image points or more (needs mor-adjustment[dask]).",
 )
 @cluster_option
 @click.option(
@@ -216,7 +219,7 @@ def run(asked: Asked) -> int:
             place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
             scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
             held.enter_context(limited_memory(asked.memory, scratch))
-            with named_in_full(place), shared_among(workers()):
+            with named_in_full(place), shared_among(workers):
                 solved = adjusted(document, project.parent, asked.snoop, say)
         of = RunIdentity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")

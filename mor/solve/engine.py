@@ -29,8 +29,12 @@ from mor.solve.rays import RayPlan
 
 Found = TypeVar("Found")
 
-WORTH_SENDING = 20_000
-"""Rays from which on a pass is done by workers: a pass over fewer takes less time than sending them the values."""
+WORTH_SENDING = 1_000_000
+"""Rays from which on passes are done by workers.
+
+An adjustment passes over them some ten times. For fewer that takes threads less time than it takes workers to start,
+to get their rays and to load the kernels: 553 000 rays took two threads 4 s, and two workers of the same machine 10 s.
+"""
 
 
 class Shared(Protocol):
@@ -65,12 +69,12 @@ class Workers(Protocol):
         """Return ``call(shared, one, common)`` for all, in their order."""
 
 
-_workers: ContextVar[Workers | None] = ContextVar("workers", default=None)
+_workers: ContextVar[Callable[[], Workers | None]] = ContextVar("workers", default=lambda: None)
 
 
 @contextmanager
-def shared_among(workers: Workers | None) -> Iterator[None]:
-    """Within, long passes are done by these workers."""
+def shared_among(workers: Callable[[], Workers | None]) -> Iterator[None]:
+    """Within, long passes are done by the workers that the function returns; it may start them."""
     before = _workers.set(workers)
     try:
         yield
@@ -88,13 +92,14 @@ def in_lanes(shared: Shared, numbers: int, task: Task[Found], *arguments: Any, p
         arguments: what changes from pass to pass.
         put: takes what the task hands over, and may write it to arrays at places that are the chunk's own.
     """
-    chunks, workers = shared.rays.chunks, _workers.get()
+    chunks = shared.rays.chunks
+    workers = _workers.get()() if len(shared.rays.row) >= WORTH_SENDING else None
     # Each lane adds up a reduced system for itself: 240 MB in all.
     room = min(len(chunks) // 2, 30_000_000 // max(numbers, 1))
     count = 4 if room >= 4 else 2 if room >= 2 else 1  # three would leave one of two processors without work
     bounds = [len(chunks) * k // count for k in range(count + 1)]
     lanes = [(bounds[k], bounds[k + 1]) for k in range(count)]
-    if workers is not None and len(shared.rays.row) >= WORTH_SENDING:
+    if workers is not None:
         common = task, arguments, compilation.wanted()
         found = workers.results(shared, _done_by_worker, lanes, common)
         for one in found:

@@ -584,7 +584,7 @@ def eliminable_rays(problem: Problem, values: Values) -> RayPlan:
     rays = plan_rays(problem, candidates)
     # Normal matrices (p, 3, 3) of the points, all else known.
     normal = np.zeros((len(rays.points), 3, 3))
-    with shared_among(None):  # one pass only: to send the problem for it takes longer
+    with shared_among(lambda: None):  # one pass only: to send the problem for it takes longer
         in_lanes(RaysOfProblem(problem, rays), 0, _normals_of_points, values, put=normal.__setitem__)
     good = _well_determined(normal)
     return rays if good.all() else plan_rays(problem, rays.points[good])

@@ -52,7 +52,7 @@ def assert_same(one: Solved, other: Solved) -> None:
 def test_numbers_of_threads(workers: ComputeCluster, name: str) -> None:
     project = str(SAMPLES / name / "project.yaml")
     here = mor.adjust(project).solved
-    with engine.shared_among(workers):
+    with engine.shared_among(lambda: workers):
         there = mor.adjust(project).solved
     assert_same(here, there)
 
@@ -68,7 +68,7 @@ def test_lost_workers_change_nothing(lost: int) -> None:
                 for process in list(workers.client.run(os.getpid).values())[:lost]:
                     os.kill(process, signal.SIGKILL)
 
-        with engine.shared_among(workers):
+        with engine.shared_among(lambda: workers):
             there = mor.adjust(project, watch=kill).solved
     assert_same(here, there)
 
