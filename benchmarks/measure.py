@@ -59,7 +59,8 @@ def run(
             [str(part) for part in command],
             stdout=output,
             stderr=errors,
-            env={**os.environ, **(environment or {})},
+            # Compiled modules are kept, as where mor is installed.
+            env={**os.environ, "PYTHONDONTWRITEBYTECODE": "", **(environment or {})},
         )
         watch = threading.Timer(limit or 0.0, child.kill)
         if limit is not None:

@@ -223,9 +223,9 @@ def run(asked: Asked) -> int:
                 solved = adjusted(document, project.parent, asked.snoop, say)
         of = RunIdentity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")
-        said = on_screen(asked, solved, words)
         if place is not None:
             write_results(solved, document, of, place, chosen(asked, solved, say))
+        said = on_screen(asked, solved, words)  # of what the reports have found already, beside the tables
         if say.told > most_notes and said and not asked.verbose:
             more = say.told - most_notes
             said += "\n" + words("and {count:more note|more notes}; --verbose shows all", count=more)
