@@ -79,7 +79,7 @@ class Asked(NamedTuple):
 
 
 @contextmanager
-def workers_of(asked: Asked) -> Iterator[Callable[[], ComputeCluster | None]]:
+def workers_of(asked: Asked, scratch: Path) -> Iterator[Callable[[], ComputeCluster | None]]:
     """Yield a function that returns the workers that were asked for; those of this machine start when it is called.
 
     Raises :class:`InputError` if they cannot do the work, and so does the function.
@@ -93,7 +93,7 @@ def workers_of(asked: Asked) -> Iterator[Callable[[], ComputeCluster | None]]:
 
     with ExitStack() as held:
         if asked.workers is not None:
-            yield cache(partial(held.enter_context, local(asked.workers)))
+            yield cache(partial(held.enter_context, local(asked.workers, scratch)))
         else:
             there = held.enter_context(connected(None, asked.cluster or ""))
             yield lambda: there
@@ -212,15 +212,14 @@ def run(asked: Asked) -> int:
         say = held.enter_context(progress(asked.quiet, asked.verbose, events, words, most))
         held.enter_context(notes_told_by(say.note))
         say.phase("reading")
-        with workers_of(asked) as workers:
-            document = read_document(project, asked.source_format or "")
-            replaces = asked.force or is_repeated(folder, project, asked.told)
-            names = usual_files(asked.tables, asked.table_format)
-            place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
-            scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
-            held.enter_context(limited_memory(asked.memory, scratch))
-            with named_in_full(place), shared_among(workers):
-                solved = adjusted(document, project.parent, asked.snoop, say)
+        document = read_document(project, asked.source_format or "")
+        replaces = asked.force or is_repeated(folder, project, asked.told)
+        names = usual_files(asked.tables, asked.table_format)
+        place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
+        scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
+        held.enter_context(limited_memory(asked.memory, scratch))
+        with named_in_full(place), workers_of(asked, scratch) as workers, shared_among(workers):
+            solved = adjusted(document, project.parent, asked.snoop, say)
         of = RunIdentity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")
         if place is not None:

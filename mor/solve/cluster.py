@@ -17,7 +17,8 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, BinaryIO
 
 from mor import __version__
 from mor.errors import InputError, Message
@@ -39,9 +40,11 @@ class ComputeCluster:
     """A cluster that does tasks."""
 
     client: Any
+    folder: Path | None = None
+    """Folder that the workers see as well: what is large goes through files, which takes half as long as TLS."""
     idle_since: float | None = None
     """Since when nobody has been at work, though tasks are waited for."""
-    kept: tuple[object, Any] | None = None
+    kept: tuple[object, _Sent] | None = None
     """What the workers keep for several tasks, and its copies there."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
@@ -85,26 +88,33 @@ class ComputeCluster:
                 raise
             raise _scheduler_lost() from None
 
-    def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
-        """Return ``call(shared, one, common)`` for all of them, in their order.
+    def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> Iterator[Any]:
+        """Yield ``call(shared, one, common)`` for all of them, in their order.
 
-        A worker keeps ``shared`` until there is another one; the scheduler has it, too, for workers that join later.
-        Raises what a task raises, and :class:`InputError` as :meth:`result`.
+        A worker keeps ``shared`` until there is another one; workers that join later get it, too. Raises what a task
+        raises, and :class:`InputError` as :meth:`result`.
         """
         if self.kept is None or self.kept[0] is not shared:
-            self.kept = None  # the workers forget the last one first
+            if self.kept is not None:
+                self.kept[1].forget()  # before the next one is sent
             self.kept = shared, self._sent(shared)
         sent = self._sent(common)
-        tasks = [self.submit(call, self.kept[1], one, sent) for one in each]
-        return [self.result(task) for task in tasks]
+        tasks = [self.submit(_done, self.folder, call, self.kept[1].there, one, sent.there) for one in each]
+        for task in tasks:
+            found = self.result(task)
+            yield found if self.folder is None else _loaded(found, remove=True)
+        sent.forget()
 
-    def _sent(self, value: object) -> Any:
+    def _sent(self, value: object) -> _Sent:
         import cloudpickle  # type: ignore[import-untyped]
 
         # The value of a task can be had again where its worker is lost, not so one that is scattered.
+        if self.folder is not None:
+            path = _written(self.folder, value, cloudpickle.dump)
+            return _Sent(self.submit(_loaded, path), path)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that it is large
-            return self.submit(pickle.loads, cloudpickle.dumps(value))
+            return _Sent(self.submit(pickle.loads, cloudpickle.dumps(value)))
 
     def _look(self) -> None:
         """Raise :class:`InputError` if nobody has been at work for too long."""
@@ -134,9 +144,46 @@ class ComputeCluster:
         return any(told.values()), min(len(told), 1)
 
 
+@dataclass
+class _Sent:
+    """A value that workers have, and the file that they get it from."""
+
+    there: Any
+    path: Path | None = None
+
+    def forget(self) -> None:
+        self.there = None
+        if self.path is not None:
+            self.path.unlink()
+
+
+def _written(folder: Path, value: object, dump: Callable[[object, BinaryIO], None] = pickle.dump) -> Path:
+    path = folder / secrets.token_hex(16)
+    with path.open("wb") as file:
+        dump(value, file)
+    return path
+
+
+def _loaded(path: Path, remove: bool = False) -> Any:
+    with path.open("rb") as file:
+        value = pickle.load(file)
+    if remove:
+        path.unlink()
+    return value
+
+
+def _done(folder: Path | None, call: Callable[..., Any], *arguments: Any) -> Any:
+    """Do a task where a worker is; what it found, or the file that has it."""
+    found = call(*arguments)
+    return found if folder is None else _written(folder, found)
+
+
 @contextmanager
-def local(count: int) -> Iterator[ComputeCluster]:
-    """A cluster of so many processes of this machine. They and this process talk by TLS with keys of their own."""
+def local(count: int, scratch: Path | None = None) -> Iterator[ComputeCluster]:
+    """A cluster of so many processes of this machine, with a folder for files of theirs in ``scratch``.
+
+    They and this process talk by TLS with keys of their own.
+    """
     _check_installed("cryptography")
     import dask
     from distributed import Client, LocalCluster
@@ -171,7 +218,7 @@ def local(count: int) -> Iterator[ComputeCluster]:
         except (OSError, RuntimeError) as error:  # one was killed, no room for its folder
             reason = next(iter(str(error.__cause__ or error).splitlines()), type(error).__name__)
             raise InputError([Message(f"the workers cannot be started: {reason}")]) from None
-        yield ComputeCluster(client)
+        yield ComputeCluster(client, Path(held.enter_context(TemporaryDirectory(prefix="workers-", dir=scratch))))
 
 
 @contextmanager

@@ -65,8 +65,8 @@ class Workers(Protocol):
 
     def results(
         self, shared: object, call: Callable[..., Found], each: Sequence[object], common: object
-    ) -> list[Found]:
-        """Return ``call(shared, one, common)`` for all, in their order."""
+    ) -> Iterator[Found]:
+        """Yield ``call(shared, one, common)`` for all, in their order."""
 
 
 _workers: ContextVar[Callable[[], Workers | None]] = ContextVar("workers", default=lambda: None)
@@ -101,12 +101,13 @@ def in_lanes(shared: Shared, numbers: int, task: Task[Found], *arguments: Any, p
     lanes = [(bounds[k], bounds[k + 1]) for k in range(count)]
     if workers is not None:
         common = task, arguments, compilation.wanted()
-        found = workers.results(shared, _done_by_worker, lanes, common)
-        for one in found:
-            for some in one[1]:
+        results: list[Found] = []
+        for result, handed in workers.results(shared, _done_by_worker, lanes, common):
+            for some in handed:
                 if put is not None:
                     put(*some)
-        return [one[0] for one in found]
+            results.append(result)
+        return results
     work = [partial(task, shared, _lane(shared, *lane), put, *arguments) for lane in lanes]
     count = min(len(lanes), processors())
     if count <= 1:

@@ -75,7 +75,7 @@ def test_lost_workers_change_nothing(lost: int) -> None:
 
 def test_an_error_of_a_task_is_raised_here(workers: ComputeCluster) -> None:
     with pytest.raises(ZeroDivisionError):
-        workers.results(0, _divided, [0, 1], 1)
+        list(workers.results(0, _divided, [0, 1], 1))
 
 
 def _divided(shared: int, one: int, common: int) -> float:
@@ -86,7 +86,7 @@ def test_a_lost_scheduler_is_told() -> None:
     with local(1) as cluster:
         cluster.client.cluster.close()
         with pytest.raises(InputError, match=r"the scheduler is lost|all workers are lost"):
-            cluster.results(0, _divided, [1], 1)
+            list(cluster.results(0, _divided, [1], 1))
 
 
 def test_either_workers_or_a_cluster(tmp_path: Path) -> None:
