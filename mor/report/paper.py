@@ -182,13 +182,6 @@ class Writer:
         buffer.seek(0)
         self._story.append(Image(buffer, self.width, self.width * high / wide))
 
-    def lines(self, text: str) -> None:
-        """Add a text as it stands, in letters of one width."""
-        from reportlab.platypus import Preformatted
-
-        look = self._look("mor-Mono", 7.2)
-        self._story += [Preformatted(line or " ", look) for line in escaped(text).split("\n")]
-
     def signature(self) -> None:
         """Add the lines for place, date and signature."""
         from reportlab.platypus import KeepTogether, Spacer, Table
@@ -271,7 +264,7 @@ def _load_fonts() -> None:
         return
     with style():
         from matplotlib import get_data_path
-    for suffix, file in {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}.items():
+    for suffix, file in {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf"}.items():
         registerFont(TTFont(f"mor{suffix}", str(Path(get_data_path()) / "fonts" / "ttf" / file)))
 
 
@@ -651,10 +644,3 @@ def _residual(row: dict[str, Any], say: Words) -> list[str]:
 
 def _cells(row: dict[str, Any], columns: str) -> list[str]:
     return cells(row, columns, "–", "−")
-
-
-def text_on_paper(text: str, paper: str, words: Words) -> Writer:
-    """Return a text on sheets, as it stands; its first line is their head."""
-    to = Writer(text.split("\n", 1)[0], paper, words)
-    to.lines(text)
-    return to

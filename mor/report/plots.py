@@ -43,7 +43,7 @@ from mor.report.page_data import (
     windows,
     with_given,
 )
-from mor.report.view import View, Window, centres, places, radial_curve, rays_of
+from mor.report.view import RadialCurve, View, Window, centres, places, radial_curve, rays_of
 from mor.types import FloatArray
 
 if TYPE_CHECKING:
@@ -153,14 +153,14 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
     left, right = figure.subplots(1, 2)
     figure.suptitle(words("Camera {id} – model {model}", id=chosen["id"], model=chosen["model"]), fontsize=10)
     if area is not None and CAMERA_MODELS[chosen["model"]].central:
-        _curve(left, chosen, area, words)
-    _matrix(right, chosen, words)
+        largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
+        draw_curve(left, chosen, radial_curve(chosen, largest, 121), words)
+    draw_correlations(right, chosen, words)
     return figure
 
 
-def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> None:
-    largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
-    curve = radial_curve(camera, largest, 121)
+def draw_curve(axes: Axes, camera: dict[str, Any], curve: RadialCurve, words: Words) -> None:
+    """Radial distortion by radius with its band of confidence."""
     unit, factor = small_unit(str(camera["unit"]), float(np.abs(curve.shift).max(initial=0.0)))
     beside = BESIDE * curve.sigma
     low, high = (curve.shift - beside) * factor, (curve.shift + beside) * factor
@@ -172,7 +172,8 @@ def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> No
     axes.legend()
 
 
-def _matrix(axes: Axes, camera: dict[str, Any], words: Words) -> None:
+def draw_correlations(axes: Axes, camera: dict[str, Any], words: Words) -> None:
+    """Correlations of the estimated components as a matrix with its numbers."""
     names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
     axes.grid(False)
     if matrix is None or len(names) < 2:
