@@ -322,7 +322,7 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
 
 # ---- The report of a Monte Carlo simulation: text and plain data.
 
-_NAMES = {
+NAMES = {
     "solutions": "runs with a solution",
     "variance": "mean of vTPv / redundancy",
     "global": "runs that the global test rejects",
@@ -336,6 +336,7 @@ _NAMES = {
     "sigma most": "largest sigma found / sigma said",
     "power": "errors of the size nabla that are found",
 }
+"""Figures of a simulation by key."""
 
 
 def monte_carlo_data(
@@ -425,7 +426,7 @@ def finding_table(found: list[Finding], words: Words) -> str:
     """Each figure with what theory says, what was found, and the limits of chance."""
     rows = [
         [
-            words(_NAMES[one.name]),
+            words(NAMES[one.name]),
             *(words.number(short(value, 4)) for value in (one.expected, one.found, one.lower, one.upper)),
             words("agrees") if one.agrees else words("DISAGREES"),
         ]
