@@ -382,7 +382,7 @@ def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: boo
 def redundancy_of_frames(data: PageData) -> Figure | None:
     """Mean redundancy number of each image, and of each set and group, in their order."""
     parts, words = [], data.words
-    if data.images.height and "mean_r" in data.images.columns:
+    if data.images.height:
         parts.append((words("images"), data.images.select("id", "mean_r"), BLUE, "circle"))
     if data.sets.height:
         parts.append(

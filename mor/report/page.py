@@ -145,7 +145,7 @@ def next_steps(data: PageData) -> list[str]:
     if free:
         names = "; ".join([*dict.fromkeys(row_in_words(row, say) for row in free)][:_NAMED])
         steps.append(say("Measure a second observation for the uncontrolled ones: {names}.", names=names))
-    if accepted and "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
+    if accepted and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
         said = "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often."

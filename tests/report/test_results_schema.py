@@ -10,8 +10,7 @@ import jsonschema
 import pytest
 
 from mor.cli import run
-from mor.report.observations import SCHEMA
-from mor.report.schema import data_types, results_schema
+from mor.report.schema import results_schema
 from tests.selection import slow_but
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
@@ -80,8 +79,3 @@ def test_a_wrong_type_does_not_fit(capsys: pytest.CaptureFixture[str]) -> None:
     data = results_of(SAMPLES / "stereo_rig" / "project.yaml", capsys)
     (found,) = mistakes({**data, "points": [{**data["points"][0], "rays": "3"}]})
     assert found.startswith("$.points")
-
-
-def test_columns_of_residuals_are_those_that_are_described() -> None:
-    assert {name: kind for name, kind in SCHEMA.items() if kind != data_types("Residual").get(name)} == {}
-    assert list(SCHEMA) == list(data_types("Residual"))
