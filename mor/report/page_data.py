@@ -561,6 +561,13 @@ def drawn_axes(xy: str) -> dict[str, Any]:
     return {"right": right, "up": up, "right_reversed": letters[right] == "w", "up_reversed": letters[up] == "s"}
 
 
+def plan_axes(xy: str) -> tuple[int, int, tuple[bool, bool, bool]]:
+    """Axes drawn to the right and upwards in plan, and which axes count to the left or downwards there."""
+    drawn = drawn_axes(xy)
+    backwards = {drawn[key]: drawn[f"{key}_reversed"] for key in ("right", "up")}
+    return "xy".index(drawn["right"]), "xy".index(drawn["up"]), (backwards["x"], backwards["y"], False)
+
+
 # ---- The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other
 # assets.
 

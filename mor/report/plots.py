@@ -34,9 +34,9 @@ from mor.report.layout import (
 from mor.report.page_data import (
     covariances,
     detectable_effects,
-    drawn_axes,
     image_points,
     network_frame,
+    plan_axes,
     relative_ellipses,
     scale_of_effects,
     sights,
@@ -452,8 +452,7 @@ def ellipses(
 def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
     """Axes with names, units and directions, in plan or elevation; numbers of the coordinates to the right and up."""
     axes = figure.add_subplot()
-    drawn = drawn_axes(view.summary["axes"]["xy"])
-    plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
+    *plan, backwards = plan_axes(view.summary["axes"]["xy"])
     chosen = plan
     if view.points.height > 2 or upright:
         frame = network_frame(view)
@@ -463,7 +462,6 @@ def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, 
     names = "XYZ"
     axes.set_xlabel(f"{names[chosen[0]]} [{view.length}]")
     axes.set_ylabel(f"{names[chosen[1]]} [{view.length}]")
-    backwards = {plan[0]: drawn["right_reversed"], plan[1]: drawn["up_reversed"], 2: False}
     axes.xaxis.set_inverted(backwards[chosen[0]])
     axes.yaxis.set_inverted(backwards[chosen[1]])
     axes.ticklabel_format(useOffset=False, style="plain")
@@ -533,10 +531,9 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
         axes.ticklabel_format(useOffset=False, style="plain")
         axes.tick_params("x", rotation=30)
         axes.set_xlabel(f"{'XYZ'[found.axes[0]]} [{view.length}]")
-    drawn = drawn_axes(view.summary["axes"]["xy"])
-    backwards = {"xyz".index(drawn[key]): drawn[f"{key}_reversed"] for key in ("right", "up")}
-    left.xaxis.set_inverted(backwards.get(found.axes[0], False))
-    left.yaxis.set_inverted(backwards.get(found.axes[1], False))
+    *_, backwards = plan_axes(view.summary["axes"]["xy"])
+    left.xaxis.set_inverted(backwards[found.axes[0]])
+    left.yaxis.set_inverted(backwards[found.axes[1]])
     left.set_ylabel(f"{'XYZ'[found.axes[1]]} [{view.length}]")
     return figure
 
