@@ -10,10 +10,9 @@ import html
 import json
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
-
-from mor.report.page import browser
 
 _LOOK = Path(__file__).with_suffix(".js")
 """What is added to a page: it says what sticks out once everything is drawn."""
@@ -22,6 +21,12 @@ _FRAME = """<!DOCTYPE html><meta charset="utf-8"><body style="margin:0"><pre id=
 <script>
 addEventListener("message", (event) => {{ document.getElementById("said").textContent = event.data; }});
 </script></body>"""
+
+
+def browser() -> str | None:
+    """The first browser there is."""
+    names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+    return next((found for name in names if (found := shutil.which(name))), None)
 
 
 def problems(page: str, width: int, folder: Path, theme: str = "") -> dict[str, object]:

@@ -244,21 +244,21 @@ class Result:
         """Object points: coordinates, σ, error ellipsoid, correlations, rays, control."""
         from mor.report.estimates import point_table
 
-        return self._table(point_table(self._solution))
+        return self._table("Point", point_table(self._solution))
 
     @cached_property
     def images(self) -> Table:
         """Images: projection centre (of the rotation centre, where there is an eccentricity), ω φ κ, σ."""
         from mor.report.estimates import image_table
 
-        return self._table(image_table(self._solution))
+        return self._table("Image", image_table(self._solution))
 
     @cached_property
     def stations(self) -> Table:
         """Theodolite stations: position, ω φ κ, orientation of the circle, σ."""
         from mor.report.estimates import station_table
 
-        return self._table(station_table(self._solution))
+        return self._table("Station", station_table(self._solution))
 
     @cached_property
     def cameras(self) -> Table:
@@ -285,12 +285,8 @@ class Result:
     def features(self) -> Table:
         """Planes, lines and other shapes: direction, place and sizes with σ, mean distance, form deviation."""
         from mor.report.estimates import feature_table
-        from mor.report.units import angle_unit
 
-        table = self._table(feature_table(self._solution))
-        lengths = ("distance", "radius", "sradius", "minor_radius", "sminor_radius", "rms", "form")
-        angles = dict.fromkeys(("sd", "semi_angle", "ssemi_angle"), angle_unit(self.solved))
-        return Table(table.frame, {**table.units, **dict.fromkeys(lengths, self._length), **angles})
+        return self._table("Feature", feature_table(self._solution))
 
     @cached_property
     def groups(self) -> Table:
@@ -304,9 +300,7 @@ class Result:
         """All observations: observed, adjusted, v = adjusted − observed, σ, r, tests, reliability."""
         from mor.report.observations import observation_table
 
-        frame = observation_table(self._solution)
-        units = dict.fromkeys(("observed", "adjusted", "v", "sigma", "sigma_adjusted", "error", "nabla"), "unit")
-        return Table(frame, {**units, "influence": self._length})
+        return self._table("Residual", observation_table(self._solution))
 
     def covariance(self, *points: str, images: Sequence[str] = (), cameras: Sequence[str] | None = None) -> Labelled:
         """Return the joint covariance of named points, images and cameras, or of all unknowns if none is named.
@@ -475,16 +469,12 @@ class Result:
     def _length(self) -> str:
         return self.solved.network.project.units.length
 
-    def _table(self, frame: pl.DataFrame) -> Table:
+    def _table(self, part: str, frame: pl.DataFrame) -> Table:
+        from mor.report.schema import units_of
         from mor.report.units import angle_unit
 
-        lengths = (
-            *("x", "y", "z", "sx", "sy", "sz", "height"),
-            *("ellipsoid_a", "ellipsoid_b", "ellipsoid_c", "ellipse_a", "ellipse_b"),
-        )
-        angles = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
-        units = dict.fromkeys(lengths, self._length) | dict.fromkeys(angles, angle_unit(self.solved))
-        return Table(frame, {name: units[name] for name in frame.columns if name in units})
+        units = units_of(part, self._length, angle_unit(self.solved))
+        return Table(frame, {name: unit for name, unit in units.items() if name in frame.columns})
 
 
 # ---- From a project to its result.

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from math import atan, log, pi, sqrt
+from math import atan, log, nan, pi, sqrt
 from pathlib import Path
 from statistics import NormalDist
 from tempfile import TemporaryDirectory
@@ -35,6 +35,7 @@ from mor.quality.precision import angle_cofactors
 from mor.quality.solution import Solved
 from mor.quality.test_statistics import chi2_level, critical_value, global_test, log_p_f, log_p_student, noncentrality
 from mor.report.observations import observation_table
+from mor.report.simulation import NAMES
 from mor.report.verification import ReferenceCheck
 from mor.solve.iterate import SolverSettings, adjust
 from mor.solve.problem import DatumDefinition, Problem
@@ -110,8 +111,11 @@ def tasks() -> list[VerificationTask]:
         source = str(expected_values(path)["source"])
         about = About(_GROUPS[path.parent.name], f"{path.parent.name}/{path.stem}", source)
         found.append(VerificationTask(about, partial(network_checks, path)))
-    for group, scenes in (("closed forms", _CLOSED_FORMS), ("start values", _START_VALUES)):
-        found += [VerificationTask(About(group, name, source), run) for name, source, run in scenes]
+    about = About(
+        "closed forms", "quantiles and p-values", "closed forms; Python's statistics.NormalDist (Wichura 1988)"
+    )
+    found.append(VerificationTask(about, _quantiles))
+    found += [VerificationTask(About("start values", name, source), run) for name, source, run in _START_VALUES]
     for key, (name, run) in _WORKED_START_VALUES.items():
         found.append(VerificationTask(About("start values", name, small[key]["source"]), partial(run, small[key])))
     about = About("threads", "block of two images", "the same adjustment by one thread")
@@ -128,6 +132,7 @@ def tasks() -> list[VerificationTask]:
 _GROUPS = {
     "textbook": "textbook networks",
     "worked-examples": "worked examples",
+    "closed-forms": "closed forms",
     "gama": "GNU Gama networks",
     "jag3d": "JAG3D networks",
     "calibration": "calibration block",
@@ -421,7 +426,7 @@ def _observation_checks(
             "t_prio": [w**2 for w in outcome["w"]],
             "t_post": outcome["t2"].to_list(),
             "log_p_prio": [log(p) for p in outcome["p"]],
-            "log_p_post": [log(p) for p in outcome["p_t"]],
+            "log_p_post": [nan if p is None else log(p) for p in outcome["p_t"]],
         }
     for key, values in columns.items():
         numbers = [
@@ -449,232 +454,7 @@ def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
     return float(tolerance[key])
 
 
-# ---- Closed forms: scenes whose solution, precision and reliability can be written down.
-#
-# In the two scenes about the centre of a regular polygon the errors are a cos 2θ. They are orthogonal to the columns
-# of the shift and of the orientation, so the centre is the exact solution of the equations, which are not linear.
-
-
-def _solved(lines: Sequence[str]) -> Solved:
-    solved = solve_network(read_network(read_yaml("\n".join(lines), "verification"), Path()))
-    if solved.quality is None:
-        raise ValueError(f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}")
-    return solved
-
-
-def _quality(solved: Solved) -> Quality:
-    assert solved.quality is not None
-    return solved.quality
-
-
-def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
-    sides, radius = 8, 100.0
-    angles = 2.0 * np.pi * np.arange(sides) / sides
-    x, y = radius * np.sin(angles), radius * np.cos(angles)
-    wave = np.cos(2.0 * angles)
-    if kind == "distance":
-        sigma, errors, unknowns = 0.002, 0.003 * wave, 2
-        rows = [f"[M, T{k}, {radius + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
-        lines = ["  - type: distance", "    columns: [from, to, distance, sigma]", f"    rows: [{', '.join(rows)}]"]
-        variance = 2.0 * sigma**2 / sides
-    else:
-        sigma, errors, unknowns = 1e-5, 2e-5 * wave, 3
-        read = (angles + 0.3 + errors) % (2.0 * np.pi)
-        rows = [f"[S, T{k}, {value!r}, {sigma}]" for k, value in enumerate(read.tolist())]
-        lines = [
-            "  - type: directions",
-            "    units: {horizontal: rad, sigma: rad}",
-            "    columns: [station, to, horizontal, sigma]",
-            f"    rows: [{', '.join(rows)}]",
-        ]
-        variance = 2.0 * (radius * sigma) ** 2 / sides
-    targets = ", ".join(f"[T{k}, {a!r}, {b!r}]" for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)))
-    solved = _solved(
-        [
-            "mor: 1",
-            "units: {length: m, angle: rad}",
-            "axes: {xy: en, angles: clockwise, bearings_from: north}",
-            "points:",
-            f"  - {{fixed: [x, y], columns: [id, x, y], rows: [{targets}]}}",
-            "  - {columns: [id, x, y], rows: [[M, 0.02, -0.03]]}",
-            *([] if kind == "distance" else ["stations:", "  - {columns: [id, point], rows: [[S, M]]}"]),
-            "observations:",
-            *lines,
-            "settings: {dimensions: xy}",
-        ]
-    )
-    quality, (values, sigmas) = _quality(solved), point_results(solved)["M"]
-    found = observations(solved)
-    redundancy = sides - unknowns
-    sigma0 = float(np.sqrt(errors @ errors / redundancy) / sigma)
-    yield from about.check("coordinates", ((f"M {n}", float(values[k]), 0.0, 1e-10) for k, n in enumerate("xy")))
-    yield from about.check(
-        "σ of coordinates",
-        ((f"M {n}", float(sigmas[k]), sqrt(variance), 1e-9 * sqrt(variance)) for k, n in enumerate("xy")),
-    )
-    yield from about.check("sigma0", [("", quality.sigma0, sigma0, 1e-8 * sigma0)])
-    residuals = zip(found, errors.tolist(), strict=True)
-    yield from about.check("residuals", ((one.name, one.v, -e, 1e-8 * float(errors.max())) for one, e in residuals))
-    yield from about.check("redundancy numbers", ((one.name, one.r, redundancy / sides, 1e-10) for one in found))
-    yield from about.check("sum of redundancy numbers", [_redundancy(quality)])
-
-
-def _levelling_loop(about: About) -> Iterator[ReferenceCheck]:
-    n, sigma, misclosure = 5, 0.001, 0.004
-    steps = [0.3, -0.7, 1.1, 0.2]
-    steps.append(misclosure - sum(steps))
-    rows = [f"[P{k}, P{(k + 1) % n}, {step!r}, {sigma}]" for k, step in enumerate(steps)]
-    solved = _solved(
-        [
-            "mor: 1",
-            "points:",
-            "  - {fixed: [z], columns: [id, z], rows: [[P0, 10]]}",
-            f"  - {{columns: [id], rows: [{', '.join(f'[P{k}]' for k in range(1, n))}]}}",
-            "observations:",
-            "  - type: height_difference",
-            "    columns: [from, to, dz, sigma]",
-            f"    rows: [{', '.join(rows)}]",
-            "settings: {dimensions: z}",
-        ]
-    )
-    quality, found = _quality(solved), observations(solved)
-    v, w = -misclosure / n, -misclosure / (sigma * sqrt(n))
-    yield from about.check("residuals", ((one.name, one.v, v, 1e-12) for one in found))
-    yield from about.check("redundancy numbers", ((one.name, one.r, 1.0 / n, 1e-12) for one in found))
-    yield from about.check("normalised residuals", ((one.name, one.w, w, 1e-9) for one in found))
-    yield from about.check("sigma0", [("", quality.sigma0, -w, 1e-9)])
-    # ∇ = δ0 σ / √r
-    delta = sqrt(quality.noncentrality)
-    nabla = observation_table(solved)["nabla"].to_list()
-    yield from about.check(
-        "detectable errors",
-        (
-            (one.name, value, delta * sigma * sqrt(n), 1e-9 * delta * sigma)
-            for one, value in zip(found, nabla, strict=True)
-        ),
-    )
-
-
-def _weighted_mean(about: About) -> Iterator[ReferenceCheck]:
-    """Two vectors with full covariance matrices A and B: x = (A⁻¹ + B⁻¹)⁻¹ (A⁻¹ a + B⁻¹ b)."""
-    A = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.7], [0.5, -0.7, 5.0]])
-    B = np.array([[2.0, -0.6, 0.3], [-0.6, 6.0, 1.2], [0.3, 1.2, 3.0]])
-    a, b = np.array([10.0, 20.0, 5.0]), np.array([10.003, 19.998, 5.004])
-    wholes = np.zeros((6, 6))
-    wholes[:3, :3], wholes[3:, 3:] = A, B
-    solved = _solved(
-        [
-            "mor: 1",
-            "points:",
-            "  - {fixed: [x, y, z], columns: [id, x, y, z], rows: [[O, 0, 0, 0]]}",
-            "  - {columns: [id], rows: [[P]]}",
-            "observations:",
-            "  - type: vector",
-            "    units: {sigma: mm}",
-            f"    covariance: {wholes.tolist()}",
-            "    columns: [from, to, dx, dy, dz]",
-            f"    rows: [[O, P, {', '.join(map(repr, a.tolist()))}], [O, P, {', '.join(map(repr, b.tolist()))}]]",
-        ]
-    )
-    gain = A @ np.linalg.inv(A + B)
-    x, Q = a + gain @ (b - a), 1e-6 * (A - gain @ A)
-    omega = (b - a) @ np.linalg.solve(1e-6 * (A + B), b - a)
-    values, sigmas = point_results(solved)["P"]
-    yield from about.check(
-        "coordinates", ((f"P {n}", float(values[k]), float(x[k]), 1e-12) for k, n in enumerate("xyz"))
-    )
-    expected = np.sqrt(np.diag(Q))
-    yield from about.check(
-        "σ of coordinates",
-        ((f"P {n}", float(sigmas[k]), float(expected[k]), 1e-9 * float(expected[k])) for k, n in enumerate("xyz")),
-    )
-    yield from about.check("sigma0", [("", _quality(solved).sigma0, sqrt(omega / 3.0), 1e-8)])
-    yield from about.check("sum of redundancy numbers", [_redundancy(_quality(solved))])
-
-
-# Images without errors: a room of 27 points, four cameras that look at it, Brown's polynomials.
-
-_POSES = (
-    (0.3, -0.2, 6.0, 0.05, 0.03, 0.4),
-    (4.0, 0.5, 4.5, -0.08, 0.72, -1.2),
-    (-3.8, 0.9, 4.2, -0.15, -0.75, 2.1),
-    (0.4, -4.5, 3.9, 0.85, 0.06, 3.0),
-)
-_INTERIOR = {"c": 30.0, "xh": 0.1, "yh": -0.2, "K1": 1e-4, "K2": -2e-7, "K3": 1e-10, "P1": 3e-5, "P2": -2e-5}
-
-
-def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
-    """Image coordinates (n, 2) of the camera model ``brown-forward``; the rotation is SciPy's."""
-    c, xh, yh, K1, K2, K3, P1, P2 = _INTERIOR.values()
-    star = Rotation.from_euler("XYZ", pose[3:]).inv().apply(points - np.array(pose[:3]))
-    x, y = -c * star[:, 0] / star[:, 2], -c * star[:, 1] / star[:, 2]
-    r2 = x**2 + y**2
-    radial = K1 * r2 + K2 * r2**2 + K3 * r2**3
-    dx = x * radial + P1 * (r2 + 2.0 * x**2) + 2.0 * P2 * x * y
-    dy = y * radial + P2 * (r2 + 2.0 * y**2) + 2.0 * P1 * x * y
-    return np.column_stack([xh + x - dx, yh + y - dy])
-
-
-def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
-    cube = np.array([[i, j, k] for i in (-1.0, 0.1, 1.0) for j in (-0.9, 0.0, 1.0) for k in (-0.5, 0.2, 0.6)])
-    shift = 0.01 * np.cos(np.arange(cube.size)).reshape(cube.shape)
-    points = cube if known == "points" else cube + shift
-    rows = [f"[P{k}, {', '.join(map(repr, row))}]" for k, row in enumerate(points.tolist())]
-    poses = [
-        f"[I{i}, C, {', '.join(repr(v if known == 'images' else v + 0.01) for v in pose)}]"
-        for i, pose in enumerate(_POSES)
-    ]
-    interior = ", ".join(
-        f"{key}: {value!r}" if known == "images" else f"{key}: {{free: {0.98 * value!r}}}"
-        for key, value in _INTERIOR.items()
-    )
-    rays = [
-        f"[I{i}, P{k}, {x!r}, {y!r}, 0.001]"
-        for i, pose in enumerate(_POSES)
-        for k, (x, y) in enumerate(_brown(pose, cube).tolist())
-    ]
-    fixed_points = "fixed: [x, y, z], " if known == "points" else ""
-    fixed_images = "fixed: [x, y, z, omega, phi, kappa], " if known == "images" else ""
-    solved = _solved(
-        [
-            "mor: 1",
-            "units: {length: m, angle: rad}",
-            f"cameras: {{C: {{model: brown-forward, interior: {{{interior}}}}}}}",
-            "images:",
-            f"  - {{{fixed_images}columns: [id, camera, x, y, z, omega, phi, kappa], rows: [{', '.join(poses)}]}}",
-            "points:",
-            f"  - {{{fixed_points}columns: [id, x, y, z], rows: [{', '.join(rows)}]}}",
-            "observations:",
-            f"  - {{type: image, columns: [image, point, x, y, sigma], rows: [{', '.join(rays)}]}}",
-        ]
-    )
-    if known == "images":
-        found = point_results(solved)
-        yield from about.check(
-            "coordinates",
-            (
-                (f"P{k} {n}", float(found[f"P{k}"][0][i]), float(row[i]), 1e-10)
-                for k, row in enumerate(cube)
-                for i, n in enumerate("xyz")
-            ),
-        )
-    else:
-        images = image_results(solved)
-        yield from about.check(
-            "exterior orientation",
-            (
-                (f"I{k} {n}", float(images[f"I{k}"][0][i]), pose[i], 1e-9)
-                for k, pose in enumerate(_POSES)
-                for i, n in enumerate(("x", "y", "z", "omega", "phi", "kappa"))
-            ),
-        )
-        camera = interior_results(solved, "C")
-        yield from about.check(
-            "interior orientation",
-            ((f"C {key}", camera[key][0], value, 1e-7 * abs(value)) for key, value in _INTERIOR.items()),
-        )
-    yield from about.check("residuals", ((one.name, one.v, 0.0, 1e-9) for one in observations(solved)))
-    yield from about.check("sum of redundancy numbers", [_redundancy(_quality(solved))])
+# ---- Closed forms: quantiles and p-values. Scenes whose solution can be written down are reference networks.
 
 
 def _quantiles(about: About) -> Iterator[ReferenceCheck]:
@@ -717,29 +497,6 @@ def _student_2(t: float) -> float:
     """P(|T| ≥ t) for two degrees of freedom, 1 − t/√(2 + t²), without cancellation."""
     root = sqrt(2.0 + t**2)
     return 2.0 / (root * (root + t))
-
-
-_CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]], ...] = (
-    ("distances to the corners of a regular polygon", "σ² = 2 σ_s² / n, r = 1 − 2/n", partial(_polygon, "distance")),
-    (
-        "directions to the corners of a regular polygon",
-        "σ² = 2 R² σ_r² / n, r = 1 − 3/n",
-        partial(_polygon, "directions"),
-    ),
-    ("levelling loop", "v = −w/n, r = 1/n, ∇ = δ0 σ √n", _levelling_loop),
-    ("two correlated vectors", "weighted mean with full covariance matrices, in NumPy", _weighted_mean),
-    (
-        "intersection of images with distortion",
-        "Brown (1971), rotation by SciPy, no errors",
-        partial(_images, "images"),
-    ),
-    (
-        "calibration of a camera over known points",
-        "Brown (1971), rotation by SciPy, no errors",
-        partial(_images, "points"),
-    ),
-    ("quantiles and p-values", "closed forms; Python's statistics.NormalDist (Wichura 1988)", _quantiles),
-)
 
 
 # ---- Start values: Rinner, Killian and resection, against scenes that are known and published examples.
@@ -839,6 +596,27 @@ _WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Ite
 # differs.
 
 
+_POSES = (
+    (0.3, -0.2, 6.0, 0.05, 0.03, 0.4),
+    (4.0, 0.5, 4.5, -0.08, 0.72, -1.2),
+    (-3.8, 0.9, 4.2, -0.15, -0.75, 2.1),
+    (0.4, -4.5, 3.9, 0.85, 0.06, 3.0),
+)
+_INTERIOR = {"c": 30.0, "xh": 0.1, "yh": -0.2, "K1": 1e-4, "K2": -2e-7, "K3": 1e-10, "P1": 3e-5, "P2": -2e-5}
+
+
+def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
+    """Image coordinates (n, 2) of the camera model ``brown-forward``; the rotation is SciPy's."""
+    c, xh, yh, K1, K2, K3, P1, P2 = _INTERIOR.values()
+    star = Rotation.from_euler("XYZ", pose[3:]).inv().apply(points - np.array(pose[:3]))
+    x, y = -c * star[:, 0] / star[:, 2], -c * star[:, 1] / star[:, 2]
+    r2 = x**2 + y**2
+    radial = K1 * r2 + K2 * r2**2 + K3 * r2**3
+    dx = x * radial + P1 * (r2 + 2.0 * x**2) + 2.0 * P2 * x * y
+    dy = y * radial + P2 * (r2 + 2.0 * y**2) + 2.0 * P1 * x * y
+    return np.column_stack([xh + x - dx, yh + y - dy])
+
+
 def _threads(about: About) -> Iterator[ReferenceCheck]:
     random = np.random.default_rng(46)
     # Points in two images from which on the rays are shared between two threads.
@@ -873,7 +651,8 @@ def _threads(about: About) -> Iterator[ReferenceCheck]:
 def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
     with processors_used(count):
         solved = solve_network(network)
-    quality = _quality(solved)
+    quality = solved.quality
+    assert quality is not None
     diagonals = np.diagonal(quality.cofactors["point"], axis1=1, axis2=2)
     return {
         "coordinates": solved.adjustment.values["point"],
@@ -919,20 +698,4 @@ def _monte_carlo(path: Path, about: About) -> Iterator[ReferenceCheck]:
         raise ValueError("the network has no solution")
     for one in findings(ready.truth, chunk_of(ready, 0, _RUNS)):
         limit = one.upper - one.expected if one.found >= one.expected else one.expected - one.lower
-        yield from about.check(_FINDINGS[one.name], [("", one.found, one.expected, limit)])
-
-
-_FINDINGS = {
-    "solutions": "share of runs with a solution",
-    "variance": "mean of σ0²",
-    "global": "share rejected by the global test",
-    "flagged": "share flagged by the test of single observations",
-    "coverage": "share of points in their confidence regions",
-    "coverage least": "the same of the point that is covered least",
-    "coverage most": "the same of the point that is covered most",
-    "coverage after": "share in confidence regions by σ0 a posteriori",
-    "bias": "largest bias, in σ of the mean",
-    "sigma least": "smallest ratio of empirical and computed σ",
-    "sigma most": "largest ratio of empirical and computed σ",
-    "power": "share of planted errors that are found",
-}
+        yield from about.check(NAMES[one.name], [("", one.found, one.expected, limit)])

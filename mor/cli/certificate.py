@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli.console import language_option, tell
+from mor.cli.console import language_option
 from mor.cli.options import InputPath, coverage_option, output_option
 from mor.errors import InputError, Message
 
@@ -114,9 +114,8 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
 
 
 def _certified(results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str) -> Content:
-    from mor.report.certificate import certificate, certificate_page, certificate_text
+    from mor.report.certificate import certificate, certificate_on_paper, certificate_page, certificate_text
     from mor.report.language import words_of
-    from mor.report.page import browser, print_page
     from mor.report.view import view_of_folder
 
     suffix = target.suffix.lower()
@@ -125,13 +124,6 @@ def _certified(results: Path, camera: str, target: Path, paper: str, coverage: f
     one = certificate(view_of_folder(results), camera, coverage)
     if suffix == ".html":
         return certificate_page(one, words_of(lang, "page"))
-    text, program = certificate_text(one, words_of(lang)), browser()
     if suffix == ".txt":
-        return text
-    if program is None:
-        from mor.report.paper import text_on_paper
-
-        tell("note: no browser was found: the PDF has the text, without the curve")
-        return text_on_paper(text, paper, words_of(lang, "page")).write
-    page = certificate_page(one, words_of(lang, "page"))
-    return lambda path: print_page(program, page, path, paper)
+        return certificate_text(one, words_of(lang))
+    return certificate_on_paper(one, paper, words_of(lang, "page")).write

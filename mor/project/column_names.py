@@ -8,243 +8,49 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from itertools import product
 from types import SimpleNamespace
+from typing import Any
 
 import yaml
 
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
-_LISTED = yaml.safe_load(files("mor.project").joinpath("column_names.yaml").read_text(encoding="utf-8"))
-NAMES = SimpleNamespace(**{meaning: "|".join(names.split()) for meaning, names in _LISTED.items()})
+_LISTED = yaml.load(
+    files("mor.project").joinpath("column_names.yaml").read_text(encoding="utf-8"),
+    Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader),
+)
+
+
+def _names(said: Any) -> list[str]:
+    """Names as ``column_names.yaml`` lists them."""
+    if isinstance(said, dict):
+        if "sigma_of" in said:
+            words, own = ("sigma", "sig", "std", "stdev", "stddev", "sd", "err", "error"), _names(said["sigma_of"])
+            both = [text for name, word in product(own, words) for text in (f"{word}{name}", f"{name}{word}")]
+            return [*both, *(f"s{name}" for name in own)]
+        left_out = said.get("without", "").split()
+        ends = [end for part in said.get("with", [""]) for end in str(part).split() or [""]]
+        return [f"{name}{end}" for name in _names(said["names"]) if name not in left_out for end in ends]
+    return said.split() if isinstance(said, str) else [name for part in said for name in _names(part)]
+
+
+def _joined(columns: Mapping[str, Any]) -> dict[str, str]:
+    """Names of columns, joined by bars."""
+    return {ours: "|".join(_names(others)) for ours, others in columns.items()}
+
+
+NAMES = SimpleNamespace(**_joined({meaning: names for meaning, names in _LISTED.items() if isinstance(names, str)}))
 """Names of columns in many languages by their meaning, each list joined by bars."""
-_HEIGHTS = {"from_height": NAMES.from_height, "to_height": NAMES.to_height}
-SIGHT = {
-    "station_height": f"fromheight|{NAMES.from_height}",
-    "to_height": NAMES.to_height,
-    "set": "set|satz|setid|setno|setnr|round|series|obsset|测回",
-    "face": "face|facenr|faceno|lage|kreislage|盘位|posicion|posicao|position",
-    "epoch": "epoch|epoche",
-}
-
-
-def _precisions(names: str) -> str:
-    pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "sd", "err", "error"))
-    both = [text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}")]
-    return "|".join([*both, *(f"s{name}" for name in names.split("|"))])
-
-
-GENERAL_DISTANCES = "distance|length|dist|strecke|distancia|distanza|kenar|d|边长|距离"
-"""Names of distances that may be horizontal or in space."""
-_POINTS = {"x": NAMES.x, "y": NAMES.y, "z": NAMES.z}
+SIGHT = _joined(_LISTED["sight"])
+"""Columns of sights besides their readings, with their names."""
+STAFF_DISTANCES, SECOND_READINGS = tuple(_LISTED["staff_distances"]), tuple(_LISTED["second_readings"])
 AXES = {"x": "xe", "y": "yn", "z": "zhu"}
-STAFF_DISTANCES = {"back_distance": NAMES.back_distance, "fore_distance": NAMES.fore_distance}
-
-
-def _joined(names: str, *ends: object) -> str:
-    return "|".join(f"{name}{end}" for name in names.split("|") for end in ends)
-
-
-SECOND_READINGS = {"back2": _joined(NAMES.back, 2), "fore2": _joined(NAMES.fore, 2)}
-"""Readings of a second instrument on the same points."""
-
-
-def _kinds_of_tables() -> Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]]:
-    between = {**_HEIGHTS, "sigma": NAMES.standard_deviation, "epoch": "epoch|epoche"}
-    # Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it.
-    bearing_distance = f"{NAMES.plan_distance}|{GENERAL_DISTANCES}"
-    stated = {
-        f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
-        for ours, names in AXES.items()
-    } | {"sigma": "std|stdev|accuracy"}
-    covariances = {
-        f"cov_d{a}_d{b}": "|".join(
-            form.format(one, other)
-            for one, other in product(AXES[a], AXES[b])
-            for form in ("c{}{}", "cov{}{}", "q{}{}", "covd{}d{}")
-        )
-        for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-    }
-    vector = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in AXES.items()}
-    # Names of both ends of a line, which no list of points has.
-    ends = {
-        "from": "from|von|fra|start|pointa|frompoint|fromstation|fromstn|desde|da|od",
-        "to": "to|nach|til|end|pointb|topoint|tostation|tostn|hasta|a|do",
-    }
-    # Names of points with a staff, without those that may be numbers of rows or readings.
-    named = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{NAMES.point}|{NAMES.to}")
-    # Names of the hair that is the reading, behind the name of the reading.
-    middle = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
-    # Names of the height at which a staff is read, behind the name of the reading.
-    staff_heights = ("height", "hgt")
-    return {
-        "image": (
-            {
-                "image": f"{NAMES.image}|img|filename|picture|imagefile|photoname",
-                "point": f"{NAMES.point}|id|target",
-                "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
-                "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
-            },
-            {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
-        ),
-        "zenith_directions": (
-            {
-                "station": NAMES.from_,
-                "to": f"{NAMES.to}|{NAMES.point}|id",
-                "horizontal": f"{NAMES.horizontal}|r",
-                "zenith": NAMES.zenith,
-            },
-            {
-                **SIGHT,
-                "sigma_horizontal": _precisions("hz|ha|dir|direc|direction|horizontal"),
-                "sigma_zenith": _precisions("v|zenith|zd"),
-                "sigma": "",
-            },
-        ),
-        "directions": (
-            {"station": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}|id", "horizontal": f"{NAMES.horizontal}|r"},
-            {**SIGHT, "sigma": f"{_precisions('dir|direc|direction|hz|ha')}|{NAMES.standard_deviation}|md"},
-        ),
-        "angle": (
-            {
-                "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation|测站|测站点",
-                "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint|后视|后视点",
-                "to": "to|nach|foresight|fs|topoint|tostation|secondpoint|前视|前视点",
-                "angle": "angle|ang|winkel|angleright|horizontalangle|观测角|角度|角值|转折角|水平角|夹角",
-            },
-            {**between, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{NAMES.standard_deviation}"},
-        ),
-        "levelling between points": (
-            {
-                "from": f"后视点|后视|{NAMES.from_}|bspoint|backpoint|backsightstation",
-                "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint|前视点|前视",
-                "back": _joined(NAMES.back, "", 1),
-                "fore": _joined(NAMES.fore, "", 1),
-            },
-            {**SECOND_READINGS, **STAFF_DISTANCES, "distance": NAMES.length},
-        ),
-        "levelling": (
-            {
-                "point": f"{named}|{NAMES.from_}|{NAMES.point}|id|remarks|remark|bemerkung",
-                "back": _joined(NAMES.back, *middle, "", 1, *staff_heights),
-                "fore": _joined(NAMES.fore, *middle, "", 1, *staff_heights),
-            },
-            {
-                **SECOND_READINGS,
-                "between": _joined(NAMES.between, "", *middle, *staff_heights),
-                "distance": NAMES.length,
-                **STAFF_DISTANCES,
-                "height": _POINTS["z"],
-            },
-        ),
-        "levelling by codes": (
-            {
-                "point": f"{named}|{NAMES.point}|id",
-                "reading": "height|hoogte|hoehe|reading|staffreading",
-                "code": "meastype|measurementtype|meettype|messtyp|messart",
-            },
-            {"distance": f"{NAMES.length}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
-        ),
-        "vector": (
-            {"from": NAMES.from_, "to": NAMES.to, **vector},
-            {
-                **between,
-                **covariances,
-                **{f"sigma_d{axis}": f"sd{axis}|md{axis}|{stated[f'sigma_{axis}']}" for axis in AXES},
-            },
-        ),
-        "zenith_angle": (
-            {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "zenith_angle": NAMES.zenith},
-            between,
-        ),
-        "bearing": ({"from": NAMES.from_, "to": NAMES.to, "bearing": NAMES.bearing}, between),
-        "traverse by legs": (
-            {
-                "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach"
-                "|lado|linea|tramo|alineacion|cote|lato",
-                "bearing": NAMES.bearing,
-                "distance": bearing_distance,
-            },
-            {},
-        ),
-        "traverse by angles": (
-            {
-                "point": f"{NAMES.from_}|{NAMES.point}|id|corner",
-                "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
-                "|beta|β|measuredangle|measuredangles|horangle|horang|innenwinkel|brechungswinkel|角|角度|转折角|观测角|内角|左角|anguloobservado|angulointerno|angulointerior",
-                "distance": f"{bearing_distance}|svor|s",
-            },
-            {},
-        ),
-        "traverse": (
-            {"point": f"{NAMES.from_}|{NAMES.point}|id|corner", "bearing": NAMES.bearing, "distance": bearing_distance},
-            {},
-        ),
-        "vertical_direction": ({"from": NAMES.from_, "to": NAMES.to, "vertical_direction": ""}, between),
-        "distance": (
-            {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": f"{NAMES.distance}|s"},
-            {**between, "sigma": f"{_precisions('distance|dist|sd')}|sderror|{NAMES.standard_deviation}|ms"},
-        ),
-        "height_difference": (
-            {
-                "from": NAMES.from_,
-                "to": NAMES.to,
-                "dz": NAMES.height_difference,
-            },
-            {
-                "sigma": f"{_precisions('dz|dh|hdiff|lv|vd')}|calcerr|{NAMES.standard_deviation}",
-                "length": f"km|lengthkm|skm|l|s|{NAMES.length}",
-                "epoch": "epoch|epoche",
-            },
-        ),
-        "horizontal_distance": (
-            {"from": NAMES.from_, "to": f"{NAMES.to}|{NAMES.point}", "distance": bearing_distance},
-            {**between, "sigma": f"{_precisions('distance|dist|hd')}|{NAMES.standard_deviation}"},
-        ),
-        "observations by type": (
-            {
-                "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo|obs",
-                "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
-            },
-            {"unit": "units|einheit|unidad|unite"},
-        ),
-        "images": (
-            {"id": f"id|{NAMES.image}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
-            {**_POINTS, **stated, "camera": "kamera"},
-        ),
-        "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **stated}),
-        "stations": (
-            {"id": f"id|{NAMES.from_}", "orientation": "orientierung"},
-            {"point": NAMES.point, "height": "ih|hi"},
-        ),
-        "stations over points": ({"id": "id|station", "point": NAMES.point, "height": "ih|hi"}, {"set": ""}),
-        "points": ({"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", **_POINTS}, stated),
-        "vector by coordinates": (
-            {**ends, **{f"d{axis}": names for axis, names in _POINTS.items()}},
-            {f"sigma_d{axis}": _precisions(names) for axis, names in _POINTS.items()},
-        ),
-        "height_difference by heights": (
-            {**ends, "dz": "height|elevation|h"},
-            {
-                "sigma": f"{_precisions('height|elevation|h')}|{NAMES.standard_deviation}",
-                "length": f"km|{NAMES.length}",
-            },
-        ),
-        "images with positions": ({"id": NAMES.image, **_POINTS}, stated),
-        "points in the plane": (
-            {"id": f"id|{NAMES.point}|nn|station|target|p|obj|object", "x": _POINTS["x"], "y": _POINTS["y"]},
-            stated,
-        ),
-        "points with heights": (
-            {"id": f"id|{NAMES.point}|nn", "z": _POINTS["z"]},
-            {"sigma_z": stated["sigma_z"], "sigma": stated["sigma"]},
-        ),
-    }
-
-
-KINDS = _kinds_of_tables()
+KINDS = {kind: (_joined(columns["must"]), _joined(columns["may"])) for kind, columns in _LISTED["kinds"].items()}
 """Columns that a kind of table must have, and those that it may have, with other names for each.
 
 The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.
 """
+SIGMAS = {kind: columns["precision"] for kind, columns in _LISTED["kinds"].items() if "precision" in columns}
+"""Standard deviations that a new project proposes for each kind of measurements."""
 KNOWN_NAMES = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part in columns for ours in part} | {
     name for columns in KINDS.values() for part in columns for names in part.values() for name in names.split("|")
 }
@@ -410,7 +216,7 @@ def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str
 
 def _without_place(named: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
     """Columns without three that follow each other and have the names of the coordinates of a point."""
-    axes = [names.split("|") for names in _POINTS.values()]
+    axes = [names.split("|") for names in (NAMES.x, NAMES.y, NAMES.z)]
     for k in range(len(named) - 2):
         if all(text in names for (_, text, _), names in zip(named[k : k + 3], axes, strict=True)):
             return [*named[:k], *named[k + 3 :]]
@@ -419,7 +225,7 @@ def _without_place(named: Sequence[tuple[str, str, str]]) -> list[tuple[str, str
 
 def _shared(columns: Mapping[str, str], cell: str) -> bool:
     """True for a column that says between what, from what height or when something was measured."""
-    return any(columns.get(name) == cell for name in (*PLACES, *SIGHT, *_HEIGHTS))
+    return any(columns.get(name) == cell for name in (*PLACES, *SIGHT, "from_height"))
 
 
 def columns_of(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
@@ -480,18 +286,5 @@ def known_kinds() -> str:
     return "known are " + "; ".join(f"{kind}: {', '.join(required)}" for kind, required in kinds.items())
 
 
-SIGMAS = {
-    "image": "{sigma: 1 um}",
-    "zenith_directions": "{sigma_horizontal: 1 mgon, sigma_zenith: 1 mgon}",
-    "directions": "{sigma: 1 mgon}",
-    "angle": "{sigma: 1 mgon}",
-    "bearing": "{sigma: 1 mgon}",
-    "zenith_angle": "{sigma: 1 mgon}",
-    "vertical_direction": "{sigma: 1 mgon}",
-    "distance": "{sigma: 2 mm}",
-    "horizontal_distance": "{sigma: 2 mm}",
-    "vector": "{sigma: 5 mm}",
-    "height_difference": "{sigma: 1 mm}",
-}
 DECIMETRE = 0.1
 """Standard deviation in metres that no distance, levelling line or vector exceeds."""

@@ -89,7 +89,7 @@ def levelled(tables: Sequence[Found]) -> list[Found]:
                 words = f"{f'{table.path.name} {table.sheet}'.strip()} has the same readings: not used once more"
                 read[again] = first._replace(table=first.table._replace(notes=(*first.table.notes, words)))
             continue
-        if SECOND_READINGS.keys() <= table.columns.keys():
+        if table.columns.keys() >= {*SECOND_READINGS}:
             names = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
             _add(second, table._replace(columns={**table.columns, **names}), left)
         read.append(_Book(table, levelling, lines, second, left))

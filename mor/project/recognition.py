@@ -17,9 +17,9 @@ from mor.project.column_names import (
     ANGLES,
     DERIVED,
     EMPTY,
-    GENERAL_DISTANCES,
     KINDS,
     LINES,
+    NAMES,
     NO_READING,
     NUMBER,
     OF_POINTS,
@@ -708,7 +708,7 @@ def _with_horizontal_distances(tables: Sequence[Found]) -> list[Found]:
     found, places = list(tables), {name: place for table in tables for name, place in table.places().items()}
     for k, table in enumerate(tables):
         name = name_and_unit(table.columns.get("distance", ""))[0]
-        if table.kind != "distance" or name not in GENERAL_DISTANCES.split("|"):
+        if table.kind != "distance" or name not in NAMES.general_distance.split("|"):
             continue
         ends = [
             tuple(math.dist(a[:n], b[:n]) - float(text.replace(",", ".")) for n in (2, 3))

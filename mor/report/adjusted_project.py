@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -531,10 +531,9 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
                     for one in moved[key]
                 ]
         data["visibility"] = moved
-    if "cameras" in data:
-        data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
-    if "instruments" in data:
-        data["instruments"] = {name: _instrument(placed, name, c) for name, c in data["instruments"].items()}
+    for section in ("cameras", "instruments"):
+        if section in data:
+            data[section] = with_settings(placed.network, section, data[section], placed.values, _started)
     if placed.snooping:
         data["settings"] = {**(data.get("settings") or {}), "snooping": "true"}
     return yaml_text(data, width=1000), tables
@@ -602,54 +601,70 @@ def _from(folder: Path, file: Path) -> str:
     return Path(os.path.relpath(file, folder)).as_posix()
 
 
-def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]:
-    model = placed.network.project.cameras[name].model
-    number = placed.network.things["camera"].part(name, "interior")
-    kind = INTERIORS[model]
-    camera["interior"] = _settings(camera.get("interior") or {}, kind.names, placed.values[kind.key][number])
-    eccentricity = placed.network.things["camera"].part(name, "eccentricity")
-    if eccentricity:
-        row = placed.values["eccentricity"][eccentricity]
-        camera["eccentricity"] = _settings(camera["eccentricity"], ("rx", "ry", "rz"), row)
-    readout = placed.network.things["camera"].part(name, READOUT.key)
-    if readout >= 0:
-        camera |= _settings({READOUT.key: camera["readout"]}, READOUT.names, placed.values[READOUT.key][readout])
-    return camera
+# ---- Settings of cameras and instruments, which stand in the project file itself.
+
+Setting: TypeAlias = str | dict[str, Any]
+"""A plain number, or a value with its status."""
 
 
-def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[str, Any]:
-    result = dict(instrument)
-    for kind, names in (("distance meter", ("scale", "offset")), ("refraction", ("refraction",))):
-        number = placed.network.things["instrument"].part(name, kind)
-        given = {key: result[key] for key in names if key in result}
-        result |= _settings(given, names, placed.values[kind][number])
-    if result.get("frame"):
-        number = placed.network.things["instrument"].part(name, GNSS_FRAME.key)
-        turned = [component.quantity == ANGLE for component in GNSS_FRAME.components]
-        values = placed.values[GNSS_FRAME.key][number] / np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
-        result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
-    for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), ("time_offset", TIME_OFFSET.key)):
-        number = placed.network.things["instrument"].part(name, part)
-        if number < 0:
+def with_settings(
+    network: Network, section: str, data: dict[str, Any], values: Values, put: Callable[[Setting, str], Setting]
+) -> dict[str, Any]:
+    """The section ``cameras`` or ``instruments`` with other settings: ``put`` makes one of it and its value."""
+    return {
+        name: _with_settings(network, section.removesuffix("s"), name, given, values, put)
+        for name, given in data.items()
+    }
+
+
+def _with_settings(
+    network: Network,
+    space: str,
+    name: str,
+    given: dict[str, Any],
+    values: Values,
+    put: Callable[[Setting, str], Setting],
+) -> dict[str, Any]:
+    interior = INTERIORS[network.project.cameras[name].model].key if space == "camera" else ""
+    # Key of the settings (none for those that stand beside each other in the entry), kind of their block, its part.
+    places = {
+        "camera": (
+            ("interior", interior, "interior"),
+            ("eccentricity", ECCENTRICITY.key, ECCENTRICITY.key),
+            ("", READOUT.key, READOUT.key),
+        ),
+        "instrument": (
+            ("", "distance meter", "distance meter"),
+            ("", "refraction", "refraction"),
+            ("frame", GNSS_FRAME.key, GNSS_FRAME.key),
+            ("lever_arm", ECCENTRICITY.key, "lever arm"),
+            ("boresight", ROTATION.key, "boresight"),
+            ("", TIME_OFFSET.key, TIME_OFFSET.key),
+        ),
+    }[space]
+    edge, result = network.edge, dict(given)
+    unit = edge.default_unit(ANGLE)
+    for key, kind, part in places:
+        number = network.things[space].part(name, part)
+        settings = result.get(key) or {} if key else {one: result[one] for one in KINDS[kind].names if one in result}
+        if not settings or number < 0:
             continue
-        if part == "boresight":
-            angles = angles_from_rotation(placed.values["rotation"][number])
-            result[key] = _settings(result[key], ROTATION.names, angles / ANGLE_UNITS[angle_unit(placed)])
-        elif part == "lever arm":
-            result[key] = _settings(result[key], ECCENTRICITY.names, placed.values["eccentricity"][number])
-        else:
-            result |= _settings({key: result[key]}, (key,), placed.values[part][number])
+        row = values[kind][number]
+        row = angles_from_rotation(row) if row.ndim > 1 else row
+        texts = {}
+        for component, value in zip(KINDS[kind].components, row, strict=True):
+            angle = component.quantity == ANGLE
+            text = repr(float(value / ANGLE_UNITS[unit] if angle else value))
+            texts[component.name] = f"{text} {unit}" if angle and edge.units.angle == "dms" else text
+        changed = {one: put(setting, texts[one]) for one, setting in settings.items()}
+        result = {**result, key: changed} if key else result | changed
     return result
 
 
-def _settings(given: dict[str, Any], names: Sequence[str], values: FloatArray) -> dict[str, Any]:
-    result: dict[str, Any] = {}
-    for name, setting in given.items():
-        value = repr(float(values[list(names).index(name)]))
-        if isinstance(setting, dict) and "free" in setting:
-            result[name] = {"free": value}
-        elif isinstance(setting, dict) and "observed" in setting:
-            result[name] = {**setting, "start": value}
-        else:
-            result[name] = setting
-    return result
+def _started(setting: Setting, value: str) -> Setting:
+    """A setting that starts at its adjusted value."""
+    if isinstance(setting, dict) and "free" in setting:
+        return {"free": value}
+    if isinstance(setting, dict) and "observed" in setting:
+        return {**setting, "start": value}
+    return setting

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from html import escape
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
+
+from markupsafe import Markup, escape
 
 from mor.errors import escaped
 from mor.report.identity import schema_of
 from mor.report.language import Words
 from mor.report.layout import cells, table
+from mor.report.verification import page_table, plain_page
 
 # ---- The table of a batch, one row per project, as text and as plain data.
 
@@ -100,49 +102,25 @@ def _cells(row: BatchRow, compared: bool, words: Words) -> list[str]:
 
 # ---- The table of a batch as a page, and as JUnit XML for CI.
 
-_STYLE = """
-body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; padding: 0 1rem; color: #1a1a1a; }
-table { border-collapse: collapse; width: 100%; }
-th, td { text-align: right; padding: .3rem .7rem; border-bottom: 1px solid #ddd; vertical-align: top; }
-th:first-child, td:first-child, th:nth-child(2), td:nth-child(2), td:last-child { text-align: left; }
-tr.fails td:nth-child(2) { color: #a40000; font-weight: 600; }
-td:last-child { color: #555; }
-@media (prefers-color-scheme: dark) {
-  body { background: #16181a; color: #e6e6e6; }
-  th, td { border-color: #3a3d40; }
-  tr.fails td:nth-child(2) { color: #ff8a80; }
-  td:last-child { color: #aaa; }
-  a { color: #8ab4f8; }
-}
-"""
-
 
 def batch_page(rows: Sequence[BatchRow], words: Words) -> str:
     """One page with the table; each project leads to its report."""
-    headers = ("project", "verdict", "n", "redundancy", "sigma0 [1]", "flagged", "uncontrolled", "differences")
-    heads = "".join(f"<th>{escape(words.header(name))}</th>" for name in headers)
-    lines = "\n".join(_line(row, words) for row in rows)
-    said = escape(summary(rows, words))
-    return (
-        f'<!doctype html>\n<html lang="{words.language}">\n<meta charset="utf-8">\n'
-        f'<meta name="viewport" content="width=device-width">\n<title>{said}</title>\n<style>{_STYLE}</style>\n'
-        f"<h1>{said}</h1>\n<table>\n<tr>{heads}<th></th></tr>\n{lines}\n</table>\n</html>\n"
-    )
+    headers = ("project", "verdict", "n", "redundancy", "sigma0 [1]", "flagged", "uncontrolled", "differences", "")
+    lines = page_table("batch", map(words.header, headers), ((_line(row, words), row.fails) for row in rows), words)
+    title = summary(rows, words)
+    return plain_page(title, [f"<h1>{escape(title)}</h1>", lines], words)
 
 
-def _line(row: BatchRow, words: Words) -> str:
+def _line(row: BatchRow, words: Words) -> list[str]:
     file = "report.txt" if row.observations is not None else "log.txt"
-    name = escape(escaped(row.name))
     numbers = cells(row._asdict(), "observations redundancy sigma0:.4g flagged uncontrolled", dash="")
-    parts = [
-        f'<a href="{escape(row.name, quote=True)}/{file}">{name}</a>',
-        escape(words.listed(row.status)),
+    return [
+        Markup('<a href="{}/{}">{}</a>').format(row.name, file, escaped(row.name)),
+        words.listed(row.status),
         *map(words.number, numbers),
         "" if row.differences in (None, -1) else str(row.differences),
-        escape(escaped(reason(row, words))),
+        reason(row, words),
     ]
-    kind = ' class="fails"' if row.fails else ""
-    return f"<tr{kind}>{''.join(f'<td>{part}</td>' for part in parts)}</tr>"
 
 
 def junit_xml(rows: Sequence[BatchRow], words: Words) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -35,6 +35,9 @@ from mor.report.page_data import image_points
 from mor.report.view import RadialCurve, View, radial_curve
 from mor.types import FloatArray
 from mor.units import LENGTH_UNITS
+
+if TYPE_CHECKING:
+    from mor.report.paper import Writer
 
 # ---- Content of a camera certificate as plain data.
 
@@ -273,6 +276,35 @@ def certificate_text(one: Certificate, words: Words) -> str:
     if matrix is not None and len(names) > 1:
         lines += ["", heading(words("Correlations [1]")), correlation_table(names, matrix, words)]
     return paragraphs("\n".join([*lines, "", *signature(words)])) + "\n"
+
+
+def certificate_on_paper(one: Certificate, paper: str, words: Words) -> Writer:
+    """Return the certificate on sheets of paper. Raises :class:`InputError` if reportlab or Matplotlib is missing."""
+    from mor.report.paper import Writer
+    from mor.report.plots import draw_correlations, draw_curve, sheet, style
+
+    to = Writer(words("Calibration of camera {id}", id=one.camera["id"]), paper, words, one.view.identity["program"])
+    to.heading(words("Calibration of camera {id}", id=one.camera["id"]), 1)
+    to.facts([*_facts(one, words), *_validity(one, words)])
+    keys = ("name", "meaning", "unit", "status", "value", "sigma", *_expanded(one), "significance")
+    headers = (*map(words, ("name", "meaning", "unit", "status", "value")), "σ", *_expanded(one), words("value/σ"))
+    to.heading(words("Parameters"))
+    to.table(headers, [[row[key] for key in keys] for row in _parameters(one, words)], 4)
+    to.heading(words("Radial distortion, mean over all directions"))
+    with style():
+        figure = sheet(9.0, 2.9)
+        left, right = figure.subplots(1, 2)
+        draw_curve(left, one.camera, one.curve, words)
+        left.axvline(one.covered, color="black", ls="--", lw=0.8)
+        draw_correlations(right, one.camera, words)
+        to.picture(figure)
+    to.note(words("Dashed: the outermost measured point."))
+    small = one.small[0]
+    headers = (words("radius [{unit}]", unit=one.unit), words("distortion [{unit}]", unit=small), f"σ [{small}]")
+    rows = [["" if inside else words("extrapolated"), *numbers] for numbers, inside in _distortion(one)]
+    to.table(("", *headers, *_expanded(one, f" [{small}]")), rows)
+    to.signature()
+    return to
 
 
 def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:

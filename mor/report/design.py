@@ -42,7 +42,7 @@ from mor.report.movements import DRAWING_WIDTH, MARGIN, drawing, fitted, labels,
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
 from mor.report.page import asset, rendered
-from mor.report.page_data import drawn_axes
+from mor.report.page_data import plan_axes
 from mor.report.results import table_writer
 from mor.report.summary import summary
 from mor.report.text import counts, redundancy
@@ -678,10 +678,9 @@ def _drawing(solved: Solved) -> NetworkDrawing:
     M = network.edge.matrix
     blocks = network.things["point"].parts["position"]
     covariances = M.T @ np.nan_to_num(quality.cofactors["point"][blocks]) @ M * quality.sigma_factor**2
-    axes = drawn_axes(network.project.axes.xy)
-    chosen = widest_view(places[np.isfinite(places).all(axis=1)], "xy".index(axes["right"]))
-    reversed_ = {axes["right"]: axes["right_reversed"], axes["up"]: axes["up_reversed"]}
-    signs = [-1.0 if reversed_.get("xyz"[k], False) else 1.0 for k in chosen]
+    right, _, backwards = plan_axes(network.project.axes.xy)
+    chosen = widest_view(places[np.isfinite(places).all(axis=1)], right)
+    signs = [-1.0 if backwards[k] else 1.0 for k in chosen]
     others: dict[str, FloatArray] = {}
     for frame in (station_table(solved), image_table(solved)):
         if frame.height:

@@ -7,11 +7,10 @@ covariances. https://ptb.de/dcc/v3.2.0/ describes the elements.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import date
 from typing import Annotated, Any, Literal
 from xml.etree import ElementTree
-from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 from pydantic import AfterValidator, Field, StringConstraints
@@ -24,12 +23,14 @@ from mor.project.schema import Strict, validated
 from mor.quality.test_statistics import coverage_probability
 from mor.report.certificate import Certificate, freedom
 from mor.report.language import Words
-from mor.report.page import meaning
+from mor.report.page import environment, meaning
 from mor.types import FloatArray
 
-SCHEMA = "3.2.0"
-_DCC, _SI = "https://ptb.de/dcc", "https://ptb.de/si"
-_PREFIXES = {"dcc": _DCC, "si": _SI, "xsi": "http://www.w3.org/2001/XMLSchema-instance"}
+_PREFIXES = {
+    "dcc": "https://ptb.de/dcc",
+    "si": "https://ptb.de/si",
+    "xsi": "http://www.w3.org/2001/XMLSchema-instance",
+}
 
 # ---- What the laboratory says.
 
@@ -106,27 +107,7 @@ def administration(document: Document) -> Administration:
     return found
 
 
-# ---- Elements.
-
-
-def _add(parent: Element, name: str, text: object = None, **attributes: str) -> Element:
-    """Add an element such as ``dcc:item``; nothing is added for an empty text."""
-    prefix, _, local = name.partition(":")
-    found = SubElement(parent, f"{{{_PREFIXES[prefix]}}}{local}", attributes)
-    found.text = None if text is None else str(text)
-    return found
-
-
-def _given(parent: Element, pairs: Iterable[tuple[str, object]]) -> None:
-    for name, text in pairs:
-        if text is not None:
-            _add(parent, name, text)
-
-
-def _text(parent: Element, name: str, text: str, language: str = "") -> Element:
-    found = _add(parent, name)
-    _add(found, "dcc:content", text, **({"lang": language} if language else {}))
-    return found
+# ---- Numbers and units.
 
 
 def _number(value: float) -> str:
@@ -171,156 +152,42 @@ def digital_certificate(one: Certificate, admin: Administration, words: Words) -
     """
     if one.coverage is not None and one.coverage < 1.0:
         raise InputError([Message(f"found {one.coverage:g}, expected 1 or more", "--coverage")])
-    one = one._replace(coverage=one.coverage or 2.0)
+    camera, factor, nu = one.camera, one.coverage or 2.0, freedom(one.view.summary)
+    free = [name for name in camera["correlations"]["components"] if camera["components"][name]["sigma"] is not None]
+    p, of_ellipsoid = max(len(free), 1), 0.95  # of the ellipsoid of all components
+    square = chdtri(p, 1.0 - of_ellipsoid) if np.isinf(nu) else p * fdtri(p, nu, of_ellipsoid)
+    inside = one.table.radius <= one.covered
+    radius, shift, U = (column[inside].tolist() for column in (*one.table[:2], factor * one.table.sigma))
+    templates = environment()
+    templates.filters["number"] = _number
+    text = templates.get_template("dcc.xml.j2").render(
+        say=words,
+        version=__version__,
+        admin=admin,
+        camera=camera,
+        summary=one.view.summary,
+        free=free,
+        covariance=covariance_of(one, free),
+        factor=factor,
+        probability=coverage_probability(factor, nu),
+        factor_of_ellipsoid=float(np.sqrt(square)),
+        probability_of_ellipsoid=of_ellipsoid,
+        distribution="normal" if np.isinf(nu) else f"Student t, {nu:.0f} degrees of freedom",
+        distortion={"radius": radius, "shift": shift, "uncertainty": U},
+        rms=one.rms,
+        covered=one.covered,
+        unit=one.unit,
+        units=one.units,
+        meaning=meaning,
+        number=_number,
+        plain=_plain,
+        si_unit=si_unit,
+    )
     for prefix, uri in _PREFIXES.items():
         ElementTree.register_namespace(prefix, uri)
-    root = Element(
-        f"{{{_DCC}}}digitalCalibrationCertificate",
-        {"schemaVersion": SCHEMA, f"{{{_PREFIXES['xsi']}}}schemaLocation": f"{_DCC} {_DCC}/v{SCHEMA}/dcc.xsd"},
-    )
-    _administrative(_add(root, "dcc:administrativeData"), admin, words.language)
-    _results(_add(_add(root, "dcc:measurementResults"), "dcc:measurementResult"), one, words)
+    root = ElementTree.fromstring(text)
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
-
-
-def _software(parent: Element, name: str) -> None:
-    software = _add(_add(parent, name), "dcc:software")
-    _text(software, "dcc:name", "mor")
-    _add(software, "dcc:release", __version__)
-
-
-def _administrative(parent: Element, admin: Administration, language: str) -> None:
-    _software(parent, "dcc:dccSoftware")
-    core = _add(parent, "dcc:coreData")
-    _given(
-        core,
-        [
-            ("dcc:countryCodeISO3166_1", admin.country),
-            ("dcc:usedLangCodeISO639_1", language),
-            ("dcc:mandatoryLangCodeISO639_1", language),
-            ("dcc:uniqueIdentifier", admin.identifier),
-            ("dcc:beginPerformanceDate", admin.begin),
-            ("dcc:endPerformanceDate", admin.end),
-            ("dcc:performanceLocation", admin.place),
-        ],
-    )
-    item = _add(_add(parent, "dcc:items"), "dcc:item")
-    _text(item, "dcc:name", admin.item.name)
-    _text(_add(item, "dcc:manufacturer"), "dcc:name", admin.item.manufacturer)
-    _given(item, [("dcc:model", admin.item.model)])
-    identification = _add(_add(item, "dcc:identifications"), "dcc:identification")
-    _given(identification, [("dcc:issuer", "manufacturer"), ("dcc:value", admin.item.serial)])
-    laboratory = _add(parent, "dcc:calibrationLaboratory")
-    _given(laboratory, [("dcc:calibrationLaboratoryCode", admin.laboratory.code)])
-    _contact(_add(laboratory, "dcc:contact"), admin.laboratory)
-    persons = _add(parent, "dcc:respPersons")
-    for person in admin.persons:
-        responsible = _add(persons, "dcc:respPerson")
-        _text(_add(responsible, "dcc:person"), "dcc:name", person.name)
-        _given(responsible, [("dcc:role", person.role), ("dcc:mainSigner", "true" if person.signs else None)])
-    _contact(_add(parent, "dcc:customer"), admin.customer)
-
-
-def _contact(parent: Element, contact: Contact) -> None:
-    _text(parent, "dcc:name", contact.name)
-    _given(parent, [("dcc:eMail", contact.email), ("dcc:phone", contact.phone)])
-    _given(
-        _add(parent, "dcc:location"),
-        [
-            ("dcc:city", contact.city),
-            ("dcc:countryCode", contact.country),
-            ("dcc:postCode", contact.postcode),
-            ("dcc:street", contact.street),
-            ("dcc:streetNo", contact.number),
-        ],
-    )
-
-
-def _results(parent: Element, one: Certificate, words: Words) -> None:
-    language, camera = words.language, one.camera
-    _text(parent, "dcc:name", words("Calibration of camera {id}", id=camera["id"]), language)
-    methods = _add(parent, "dcc:usedMethods")
-    adjustment = _add(methods, "dcc:usedMethod")
-    _text(adjustment, "dcc:name", words("bundle adjustment by least squares"), language)
-    model = words("{id}, model {model}", id=camera["id"], model=camera["model"])
-    _text(adjustment, "dcc:description", f"{words('camera')}: {model}", language)
-    uncertainty = _add(methods, "dcc:usedMethod")
-    _text(uncertainty, "dcc:name", words("expanded uncertainty"), language)
-    _add(uncertainty, "dcc:norm", "JCGM 100:2008")
-    _software(parent, "dcc:usedSoftware")
-    results = _add(parent, "dcc:results")
-    data = _result(results, words("interior orientation"), language)
-    rows = camera["components"]
-    free = [name for name in camera["correlations"]["components"] if rows[name]["sigma"] is not None]
-    if free:
-        _parameters(_quantity(data, words("Parameters"), language), one, free, words)
-    for name in (name for name in rows if name not in free):
-        status = words.listed(rows[name]["status"])
-        quantity = _quantity(data, f"{name}: {words(meaning('', name))} ({status})", language)
-        _real(quantity, rows[name]["value"], one.units[name], name)
-    if camera["r0"] is not None:
-        _real(_quantity(data, "r0", language), camera["r0"], one.unit)
-    _distortion(_add(_result(results, words("Radial distortion"), language), "dcc:list"), one, words)
-    data = _result(results, words("Adjustment"), language)
-    _real(_quantity(data, words("rms v"), language), one.rms, one.unit)
-    ratio = one.view.summary["sigma0"]["ratio_of_sigmas"]
-    if ratio is not None:
-        _real(_quantity(data, words("sigma0 a posteriori / a priori"), language), ratio, "1")
-    verdict = words("accepted") if one.view.summary["global_test"]["accepted"] else words("rejected")
-    _text(data, "dcc:text", f"{words('global test')}: {verdict}", language)
-    _real(_quantity(data, words("redundancy"), language), one.view.summary["redundancy"], "1")
-    valid = _add(_add(parent, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_validityRange")
-    said = words("Points were measured up to this distance from the principal point.")
-    _text(valid, "dcc:declaration", said, language)
-    _real(_quantity(_add(valid, "dcc:data"), words("valid"), language), one.covered, one.unit)
-
-
-def _result(parent: Element, name: str, language: str) -> Element:
-    result = _add(parent, "dcc:result")
-    _text(result, "dcc:name", name, language)
-    return _add(result, "dcc:data")
-
-
-def _quantity(parent: Element, name: str, language: str) -> Element:
-    found = _add(parent, "dcc:quantity")
-    _text(found, "dcc:name", name, language)
-    return found
-
-
-def _real(parent: Element, value: float, unit: str, label: str | None = None) -> Element:
-    real = _add(parent, "si:real")
-    _given(real, [("si:label", label), ("si:value", _number(value)), ("si:unit", si_unit(unit))])
-    return real
-
-
-def _coverage(parent: Element, factor: float, probability: float, nu: float) -> None:
-    name = "normal" if np.isinf(nu) else f"Student t, {nu:.0f} degrees of freedom"
-    pairs = [("si:coverageFactor", _plain(factor)), ("si:coverageProbability", _plain(probability))]
-    _given(parent, [*pairs, ("si:distribution", name)])
-
-
-def _parameters(parent: Element, one: Certificate, free: Sequence[str], words: Words) -> None:
-    rows, factor, nu = one.camera["components"], one.coverage or 2.0, freedom(one.view.summary)
-    found = _add(_add(parent, "si:list"), "si:realList")
-    for name in free:
-        real = _real(found, rows[name]["value"], one.units[name], f"{name}: {words(meaning('', name))}")
-        expanded = _add(real, "si:expandedUnc")
-        _add(expanded, "si:uncertainty", _number(factor * rows[name]["sigma"]))
-        _coverage(expanded, factor, coverage_probability(factor, nu), nu)
-    covariance = covariance_of(one, free)
-    if covariance is None:
-        return
-    region = _add(found, "si:ellipsoidalRegion")
-    matrix = _add(region, "si:covarianceMatrix")
-    for column, name in zip(covariance.T, free, strict=True):
-        cells = _add(matrix, "si:column")
-        for value, other in zip(column, free, strict=True):
-            unit = si_unit(one.units[name], one.units[other])
-            _given(_add(cells, "si:covariance"), [("si:value", _number(value)), ("si:unit", unit)])
-    p, probability = len(free), 0.95  # of the ellipsoid of all components
-    square = chdtri(p, 1.0 - probability) if np.isinf(nu) else p * fdtri(p, nu, probability)
-    _coverage(region, float(np.sqrt(square)), probability, nu)
 
 
 def covariance_of(one: Certificate, free: Sequence[str]) -> FloatArray | None:
@@ -331,28 +198,3 @@ def covariance_of(one: Certificate, free: Sequence[str]) -> FloatArray | None:
     chosen = [found["components"].index(name) for name in free]
     sigma = np.array([one.camera["components"][name]["sigma"] for name in free])
     return np.asarray(np.array(found["matrix"])[np.ix_(chosen, chosen)] * np.outer(sigma, sigma))
-
-
-def _distortion(parent: Element, one: Certificate, words: Words) -> None:
-    language, factor = words.language, one.coverage or 2.0
-    inside = one.table.radius <= one.covered
-    unit, count = si_unit(one.unit), int(np.count_nonzero(inside))
-
-    def listed(values: Iterable[float]) -> str:
-        return " ".join(map(_number, values))
-
-    radii = _quantity(parent, words("distance from the principal point"), language)
-    pairs = [("si:valueXMLList", listed(one.table.radius[inside])), ("si:unitXMLList", unit)]
-    _given(_add(radii, "si:realListXMLList"), pairs)
-    shifts = _quantity(parent, words("Radial distortion, mean over all directions"), language)
-    found = _add(shifts, "si:realListXMLList")
-    _given(found, [("si:valueXMLList", listed(one.table.shift[inside])), ("si:unitXMLList", unit)])
-    probability = coverage_probability(factor, freedom(one.view.summary))
-    _given(
-        _add(found, "si:expandedUncXMLList"),
-        [
-            ("si:uncertaintyXMLList", listed(factor * one.table.sigma[inside])),
-            ("si:coverageFactorXMLList", " ".join([_plain(factor)] * count)),
-            ("si:coverageProbabilityXMLList", " ".join([_plain(probability)] * count)),
-        ],
-    )

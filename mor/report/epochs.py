@@ -20,7 +20,7 @@ from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, fixed, small_unit
 from mor.report.movements import PointMovements, moved_points, movement_drawing, series_drawing
 from mor.report.page import rendered
-from mor.report.page_data import drawn_axes
+from mor.report.page_data import plan_axes
 from mor.report.summary import summary
 from mor.report.text_tables import listed_movements, listed_parameters, statements
 from mor.types import FloatArray
@@ -186,10 +186,7 @@ def moved(first: Solved, found: EpochComparison, table: pl.DataFrame) -> PointMo
     M = first.network.edge.matrix
     tests = found.result.points
     places = first.adjustment.values["point"][blocks_of(first.network, found.names)]
-    drawn = drawn_axes(first.network.project.axes.xy)
-    right = "xy".index(drawn["right"])
-    backwards = [False, False, False]
-    backwards[right], backwards[1 - right] = drawn["right_reversed"], drawn["up_reversed"]
+    right, _, backwards = plan_axes(first.network.project.axes.xy)
     cofactors = np.array([test.cofactors for test in tests]).reshape(-1, 3, 3)
     return PointMovements(
         names=found.names,
@@ -198,7 +195,7 @@ def moved(first: Solved, found: EpochComparison, table: pl.DataFrame) -> PointMo
         covariances=found.result.variance * (M.T @ cofactors @ M),
         moved=table["moved"].to_numpy(),
         unit=first.network.project.units.length,
-        reversed=(backwards[0], backwards[1], backwards[2]),
+        reversed=backwards,
         right=right,
     )
 

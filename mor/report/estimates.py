@@ -28,6 +28,7 @@ from mor.quality.redundancy import Reliability
 from mor.quality.solution import Solved
 from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces, omega_of, redundancy_of
 from mor.report.observations import control_of_images, control_of_points
+from mor.report.schema import data_types
 from mor.report.units import (
     Estimate,
     angle_unit,
@@ -511,12 +512,7 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
 def undeterminable_table(things: Sequence[dict[str, Any] | UndeterminedObject]) -> pl.DataFrame:
     """The rows as a table."""
     rows = [_row(thing) | _NOTHING if isinstance(thing, UndeterminedObject) else thing for thing in things]
-    schema = {
-        **dict.fromkeys(("kind", "id", "reason", "treatment"), pl.String),
-        "observations": pl.Int64,
-        **dict.fromkeys(("dx", "dy", "dz", "sigma"), pl.Float64),
-    }
-    return pl.DataFrame(rows, schema=schema)
+    return pl.DataFrame(rows, schema=data_types("Undeterminable"))
 
 
 _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
@@ -539,15 +535,7 @@ def feature_table(solved: Solved) -> pl.DataFrame:
     the points and ``form`` the largest residual minus the smallest. Sizes are null if a feature has none.
     """
     rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
-    feature_schema = {
-        **dict.fromkeys(("id", "type", "part"), pl.String),
-        **dict.fromkeys(("dx", "dy", "dz", "sd", "distance", "x", "y", "z", "sx", "sy", "sz"), pl.Float64),
-        **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
-        "points": pl.Int64,
-        "rms": pl.Float64,
-        "form": pl.Float64,
-    }
-    return pl.DataFrame(rows, schema=feature_schema)
+    return pl.DataFrame(rows, schema=data_types("Feature"))
 
 
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:

@@ -28,7 +28,7 @@ from mor.report.layout import (
     round_length,
     small_unit,
 )
-from mor.report.page_data import PageData, drawn_axes
+from mor.report.page_data import PageData, plan_axes
 from mor.report.view import RayPairs, View, Window, distortion, places, radial_curve, window
 from mor.types import FloatArray, IntArray
 from mor.units import LENGTH_UNITS
@@ -287,11 +287,11 @@ def overlap(view: View, rays: RayPairs) -> Overlap | None:
 def widest(view: View) -> tuple[int, int]:
     """Coordinates drawn to the right and upwards: plan, or the elevation along the longer side of a network that is
     higher than deep."""
-    drawn = drawn_axes(view.summary["axes"]["xy"])
+    right, up, _ = plan_axes(view.summary["axes"]["xy"])
     extent = np.ptp(places(view), axis=0) if view.points.height else np.zeros(3)
     if extent[2] > extent[:2].min():
         return int(np.argmax(extent[:2])), 2
-    return "xyz".index(drawn["right"]), "xyz".index(drawn["up"])
+    return right, up
 
 
 def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
@@ -382,7 +382,7 @@ def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: boo
 def redundancy_of_frames(data: PageData) -> Figure | None:
     """Mean redundancy number of each image, and of each set and group, in their order."""
     parts, words = [], data.words
-    if data.images.height and "mean_r" in data.images.columns:
+    if data.images.height:
         parts.append((words("images"), data.images.select("id", "mean_r"), BLUE, "circle"))
     if data.sets.height:
         parts.append(

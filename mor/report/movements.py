@@ -12,7 +12,7 @@ from scipy.special import chdtri
 
 from mor.report.language import Words
 from mor.report.layout import NO_MARKS, at_edge, frame_of, placed, round_length, small_unit, with_distances
-from mor.report.page_data import covariances, drawn_axes
+from mor.report.page_data import covariances, plan_axes
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Movements between two epochs as a drawing (SVG): vectors from ellipses of confidence, labels that do not overlap.
@@ -48,8 +48,7 @@ def moved_points(points: pl.DataFrame, last: pl.DataFrame, xy: str, unit: str) -
         right_on="id",
         maintain_order="left",
     )
-    drawn = drawn_axes(xy)
-    backwards = {drawn["right"]: drawn["right_reversed"], drawn["up"]: drawn["up_reversed"]}
+    right, _, backwards = plan_axes(xy)
     return PointMovements(
         names=tuple(placed["point"]),
         places=placed.select("at_x", "at_y", "at_z").to_numpy(),
@@ -57,8 +56,8 @@ def moved_points(points: pl.DataFrame, last: pl.DataFrame, xy: str, unit: str) -
         covariances=covariances(placed),
         moved=placed["moved"].to_numpy(),
         unit=unit,
-        reversed=(backwards["x"], backwards["y"], False),
-        right="xy".index(drawn["right"]),
+        reversed=backwards,
+        right=right,
     )
 
 

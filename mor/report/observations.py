@@ -35,6 +35,7 @@ from mor.quality.test_statistics import (
     log_p_student,
     normalised_residuals,
 )
+from mor.report.schema import data_types
 from mor.report.units import (
     ends_of_group,
     once,
@@ -111,12 +112,15 @@ def assessed_rows(solved: Solved, number: int, rows: IntArray | slice) -> Assess
 
 # ---- Columns of the residual table that say how an observation was tested, and how reliable it is.
 
-TESTED = {
-    **dict.fromkeys(("r", "w", "normalised", "tau", "p", "t2", "p_t", "error", "nabla", "external"), pl.Float64),
-    **dict.fromkeys(("influence", "joint", "joint_freedom", "p_joint"), pl.Float64),
-    "flag": pl.String,
-}
+SCHEMA = data_types("Residual")
+"""Columns of the table of residuals."""
 FLAGS = ("", "uncontrolled", "gross", "excluded", "check")
+
+
+def tested_names() -> list[str]:
+    """Names of the numbers that tests and reliability give."""
+    names = list(SCHEMA)
+    return names[names.index("r") : names.index("flag")]
 
 
 def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
@@ -126,7 +130,7 @@ def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
     """
     group, one, tests, quality = rows.group, rows.one, rows.tests, rows.whole
     if quality is None:
-        return {name: lambda: np.full(group.observed.shape, np.nan) for name in TESTED if name != "flag"}
+        return {name: lambda: np.full(group.observed.shape, np.nan) for name in tested_names()}
     out = group.left_out
     freedom = quality.redundancy
     sigma0 = quality.sigma0 if quality.sigma0 > 0.0 else np.nan
@@ -181,11 +185,6 @@ def flags(rows: AssessedRows) -> IntArray:
 
 # ---- The residual table in long form: one row for every observation, units and all.
 
-SCHEMA = {
-    **dict.fromkeys(("type", "group", "at", "from", "to", "component", "unit"), pl.String),
-    **dict.fromkeys(("observed", "adjusted", "v", "sigma", "sigma_adjusted"), pl.Float64),
-    **TESTED,
-}
 SHOWN = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "adjusted", "v", "sigma"),
     *("r", "w", "error", "nabla", "external", "influence", "flag"),

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import subprocess
-import sys
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from hashlib import sha256
@@ -23,7 +18,7 @@ from markupsafe import Markup
 from scipy.special import ndtr
 
 from mor import __version__
-from mor.errors import InputError, Message, UndeterminedObject
+from mor.errors import UndeterminedObject
 from mor.linalg.compilation import cache_root
 from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
@@ -75,7 +70,7 @@ from mor.report.verdict import (
 )
 from mor.report.view import View
 
-# ---- The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
+# ---- The page on paper: running heads with the project, page numbers.
 
 
 def running_heads(title: str, identity: dict[str, Any], words: Words) -> Markup:
@@ -97,61 +92,6 @@ def _css_text(text: str) -> str:
     """A text of CSS that may stand in a style element: whatever has a meaning there is spelled out."""
     spelled = re.sub(r'[\x00-\x1f\\"<>&]', lambda sign: f"\\{max(ord(sign[0]), 32):x} ", text)
     return f'"{spelled}"'
-
-
-def browser() -> str | None:
-    """The first browser there is that prints PDF; the variable ``MOR_BROWSER`` names another."""
-    given = os.environ.get("MOR_BROWSER")
-    if given is not None:
-        return shutil.which(given)
-    applications = (
-        "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
-        "/Applications/Chromium.app/Contents/MacOS/Chromium",
-        "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
-        r"C:\Program Files\Google\Chrome\Application\chrome.exe",
-        r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
-    )
-    # Programs that print a page as PDF without a window; Firefox does not.
-    browsers = (
-        *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
-        *("microsoft-edge", "microsoft-edge-stable", "msedge"),
-    )
-    return next((found for name in (*browsers, *applications) if (found := shutil.which(name))), None)
-
-
-def print_page(program: str, page: str, target: Path, paper: str) -> None:
-    """Print a page as PDF by a browser. Raises :class:`InputError` if the browser does not."""
-    with tempfile.TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder:
-        sheet = Path(folder) / "report.html"
-        # Sizes of paper by what a person calls them, as CSS has them.
-        size = {"A4": "A4", "Letter": "letter"}[paper]
-        style = f"<style>@page {{ size: {size}; }} @page wide {{ size: {size} landscape; }}</style></head>"
-        sheet.write_text(page.replace("</head>", style, 1), encoding="utf-8")
-        made = Path(folder) / "report.pdf"
-        done = _run(program, sheet, made, Path(folder) / "profile")
-        if not made.is_file():
-            said = done.strip().splitlines()[-1:] or ["it said nothing"]
-            raise InputError([Message(f"the browser made no PDF: {said[0]}", program)])
-        shutil.move(made, target)
-
-
-def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
-    options = [
-        *("--headless", "--disable-gpu", "--no-first-run", "--disable-extensions", "--no-pdf-header-footer"),
-        "--disable-pdf-tagging",  # tags of every cell of long tables are nine tenths of the file
-        "--virtual-time-budget=30000",
-        f"--user-data-dir={profile}",
-        f"--print-to-pdf={made}",
-    ]
-    if sys.platform != "win32" and os.geteuid() == 0:
-        options.append("--no-sandbox")  # the sandbox of chromium refuses to work for root
-    # Seconds a browser may take over the largest page.
-    longest = 600.0
-    try:
-        done = subprocess.run([program, *options, sheet.as_uri()], capture_output=True, timeout=longest, check=False)
-    except subprocess.TimeoutExpired:
-        return f"it took more than {longest:g} s"
-    return done.stderr.decode(errors="replace")
 
 
 # ---- Statements on what an adjustment rests on: what was read and used, which datum, what would make it better.
@@ -205,7 +145,7 @@ def next_steps(data: PageData) -> list[str]:
     if free:
         names = "; ".join([*dict.fromkeys(row_in_words(row, say) for row in free)][:_NAMED])
         steps.append(say("Measure a second observation for the uncontrolled ones: {names}.", names=names))
-    if accepted and "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
+    if accepted and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
         said = "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often."

@@ -53,29 +53,21 @@ def _measures() -> list[pl.Expr]:
 
 
 def points_with_tests(view: View, rays: RayPairs, angle_unit: str) -> pl.DataFrame:
-    """The table of points with mean and smallest r, largest |w| and the best intersection angle."""
+    """The table of points with the smallest r and the best intersection angle."""
     touching = pl.col("type").str.contains("^(difference|level)$").not_()
-    used = view.used.filter(touching).select("at", "from", "to", "r", "w")
+    used = view.used.filter(touching).select("at", "from", "to", "r")
     named = pl.concat(
         [
-            used.filter(pl.col(key) != "").select(pl.col(key).str.strip_prefix("point ").alias("id"), "r", "w")
+            used.filter(pl.col(key) != "").select(pl.col(key).str.strip_prefix("point ").alias("id"), "r")
             for key in ("at", "from", "to")
         ]
     )
-    known = (
-        view.points.select(pl.col("id").cast(pl.String))
-        if view.points.height
-        else pl.DataFrame({"id": []}, {"id": pl.String})
-    )
-    measured = named.join(known, on="id", how="semi").group_by("id", maintain_order=True).agg(_measures())
+    known = view.points.select(pl.col("id").cast(pl.String))
+    measured = named.join(known, on="id", how="semi").group_by("id", maintain_order=True)
+    smallest = measured.agg(pl.col("r").min().alias("smallest_r"))
     angle = intersection_angles(rays, centres(view), places(view)) / ANGLE_UNITS[angle_unit]
-    return view.points.with_columns(pl.Series("angle", angle).fill_nan(None)).join(
-        measured.drop("observations", *_there(view.points)), on="id", how="left", maintain_order="left"
-    )
-
-
-def _there(frame: pl.DataFrame) -> list[str]:
-    return [name for name in ("mean_r", "largest_w") if name in frame.columns]
+    with_angle = view.points.with_columns(pl.Series("angle", angle).fill_nan(None))
+    return with_angle.join(smallest, on="id", how="left", maintain_order="left")
 
 
 def image_points(view: View) -> pl.DataFrame:
@@ -117,14 +109,10 @@ def windows(view: View, measured: pl.DataFrame) -> dict[str, Window]:
 
 
 def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> pl.DataFrame:
-    """The table of images with coverage, mean r and largest |w|."""
+    """The table of images with the unit of their points and their coverage."""
     if view.images.height == 0:
         return view.images
-    by_image = measured.group_by("image", maintain_order=True).agg(
-        pl.col("r").mean().alias("mean_r"),
-        pl.col("w").max().alias("largest_w"),
-        pl.col("unit").first().alias("unit"),
-    )
+    by_image = measured.group_by("image", maintain_order=True).agg(pl.col("unit").first())
     camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
     coverage: dict[str, float] = {}
     for (name,), rows in measured.group_by(["image"], maintain_order=True):
@@ -133,9 +121,9 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
         area = areas[camera_of[name]]
         size = (area.x[1] - area.x[0]) * (area.y[1] - area.y[0])
         coverage[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
-    return view.images.join(
-        by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
-    ).with_columns(pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64))
+    return view.images.join(by_image.rename({"image": "id"}), on="id", how="left", maintain_order="left").with_columns(
+        pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64)
+    )
 
 
 def control_table(view: View) -> pl.DataFrame:
@@ -338,11 +326,11 @@ def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:
     control = set(control_table(view)["point"].unique().to_list())
     kept_out = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "coordinates"))
     checks = {str(name) for name in kept_out["to"].to_list() + kept_out["from"].to_list() if name}
-    held = points["status"].is_in(["fixed", "partly fixed"]) if "status" in points.columns else pl.Series([])
+    held = points["status"].is_in(["fixed", "partly fixed"])
     names = points["id"].cast(pl.String).to_list()
     given = [
         "check" if name in checks else "control" if name in control or fixed else ""
-        for name, fixed in zip(names, held.to_list() or [False] * len(names), strict=True)
+        for name, fixed in zip(names, held.to_list(), strict=True)
     ]
     return points.with_columns(pl.Series("given", given, dtype=pl.String))
 
@@ -571,6 +559,13 @@ def drawn_axes(xy: str) -> dict[str, Any]:
     up = "y" if right == "x" else "x"
     letters = dict(zip("xy", xy, strict=True))
     return {"right": right, "up": up, "right_reversed": letters[right] == "w", "up_reversed": letters[up] == "s"}
+
+
+def plan_axes(xy: str) -> tuple[int, int, tuple[bool, bool, bool]]:
+    """Axes drawn to the right and upwards in plan, and which axes count to the left or downwards there."""
+    drawn = drawn_axes(xy)
+    backwards = {drawn[key]: drawn[f"{key}_reversed"] for key in ("right", "up")}
+    return "xy".index(drawn["right"]), "xy".index(drawn["up"]), (backwards["x"], backwards["y"], False)
 
 
 # ---- The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other

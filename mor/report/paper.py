@@ -182,13 +182,6 @@ class Writer:
         buffer.seek(0)
         self._story.append(Image(buffer, self.width, self.width * high / wide))
 
-    def lines(self, text: str) -> None:
-        """Add a text as it stands, in letters of one width."""
-        from reportlab.platypus import Preformatted
-
-        look = self._look("mor-Mono", 7.2)
-        self._story += [Preformatted(line or " ", look) for line in escaped(text).split("\n")]
-
     def signature(self) -> None:
         """Add the lines for place, date and signature."""
         from reportlab.platypus import KeepTogether, Spacer, Table
@@ -271,7 +264,7 @@ def _load_fonts() -> None:
         return
     with style():
         from matplotlib import get_data_path
-    for suffix, file in {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}.items():
+    for suffix, file in {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf"}.items():
         registerFont(TTFont(f"mor{suffix}", str(Path(get_data_path()) / "fonts" / "ttf" / file)))
 
 
@@ -304,7 +297,7 @@ def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: 
     found = {
         "residuals": view.residuals.height,
         "images": view.images.height,
-        "covariances": "rxy" in view.points.columns and view.points.height,
+        "covariances": view.points.height,
     }
     known = [name for name, count in found.items() if count]
     for name in appendices:
@@ -425,9 +418,8 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
         if row["sigma"]:
             key = (row["point"], say("observed"), f"{row['sigma']:.3g} {row['unit']}")
             rows.setdefault(key, []).append(row["component"].upper())
-    if "status" in view.points.columns:
-        for row in view.points.filter(pl.col("status").is_in(["fixed", "partly fixed"])).to_dicts():
-            rows[(str(row["id"]), say("fixed"), "–")] = [axis.upper() for axis in "xyz" if not row[f"s{axis}"]]
+    for row in view.points.filter(pl.col("status").is_in(["fixed", "partly fixed"])).to_dicts():
+        rows[(str(row["id"]), say("fixed"), "–")] = [axis.upper() for axis in "xyz" if not row[f"s{axis}"]]
     listed = [
         (point, "".join(dict.fromkeys(components)), how, sigma) for (point, how, sigma), components in rows.items()
     ]
@@ -513,12 +505,9 @@ def _movements(to: Writer, data: PageData) -> None:
 def _weakest(to: Writer, data: PageData) -> None:
     say, view = data.words, data.view
     to.heading(say("Weakest spots"))
-    if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
-        worst = (
-            data.points.filter(pl.col("ellipsoid_a").is_not_null())
-            .sort("ellipsoid_a", descending=True, maintain_order=True)
-            .head(5)
-        )
+    known = data.points.filter(pl.col("ellipsoid_a").is_not_null())
+    if known.height:
+        worst = known.sort("ellipsoid_a", descending=True, maintain_order=True).head(5)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"][0])
         worst = worst.with_columns(pl.col("ellipsoid_a") * factor)
         to.heading(say("Least precise points"), 3)
@@ -569,7 +558,6 @@ def _points(to: Writer, data: PageData) -> None:
     unit, factor = small_unit(view.length, float(sigma.max(initial=0.0)) or 1.0)
     fine = sigma_decimals(sigma[sigma > 0.0] * factor) if (sigma > 0.0).any() else 2
     small = ("sx", "sy", "sz", "ellipse_a", "ellipse_b")
-    points = points.with_columns(pl.lit(None).alias(name) for name in {*small, "ellipse_azimuth"} - {*points.columns})
     points = points.with_columns(pl.col(small) * factor, (pl.col("rays") + pl.col("others")).alias("n"))
     numbers = " ".join([*(f"{axis}:.{places}f" for axis in "xyz"), *(f"{name}:.{fine}f" for name in small)])
     rows = [
@@ -651,10 +639,3 @@ def _residual(row: dict[str, Any], say: Words) -> list[str]:
 
 def _cells(row: dict[str, Any], columns: str) -> list[str]:
     return cells(row, columns, "–", "−")
-
-
-def text_on_paper(text: str, paper: str, words: Words) -> Writer:
-    """Return a text on sheets, as it stands; its first line is their head."""
-    to = Writer(text.split("\n", 1)[0], paper, words)
-    to.lines(text)
-    return to

@@ -34,16 +34,16 @@ from mor.report.layout import (
 from mor.report.page_data import (
     covariances,
     detectable_effects,
-    drawn_axes,
     image_points,
     network_frame,
+    plan_axes,
     relative_ellipses,
     scale_of_effects,
     sights,
     windows,
     with_given,
 )
-from mor.report.view import View, Window, centres, places, radial_curve, rays_of
+from mor.report.view import RadialCurve, View, Window, centres, places, radial_curve, rays_of
 from mor.types import FloatArray
 
 if TYPE_CHECKING:
@@ -153,14 +153,14 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
     left, right = figure.subplots(1, 2)
     figure.suptitle(words("Camera {id} – model {model}", id=chosen["id"], model=chosen["model"]), fontsize=10)
     if area is not None and CAMERA_MODELS[chosen["model"]].central:
-        _curve(left, chosen, area, words)
-    _matrix(right, chosen, words)
+        largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
+        draw_curve(left, chosen, radial_curve(chosen, largest, 121), words)
+    draw_correlations(right, chosen, words)
     return figure
 
 
-def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> None:
-    largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
-    curve = radial_curve(camera, largest, 121)
+def draw_curve(axes: Axes, camera: dict[str, Any], curve: RadialCurve, words: Words) -> None:
+    """Radial distortion by radius with its band of confidence."""
     unit, factor = small_unit(str(camera["unit"]), float(np.abs(curve.shift).max(initial=0.0)))
     beside = BESIDE * curve.sigma
     low, high = (curve.shift - beside) * factor, (curve.shift + beside) * factor
@@ -172,7 +172,8 @@ def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> No
     axes.legend()
 
 
-def _matrix(axes: Axes, camera: dict[str, Any], words: Words) -> None:
+def draw_correlations(axes: Axes, camera: dict[str, Any], words: Words) -> None:
+    """Correlations of the estimated components as a matrix with its numbers."""
     names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
     axes.grid(False)
     if matrix is None or len(names) < 2:
@@ -451,8 +452,7 @@ def ellipses(
 def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
     """Axes with names, units and directions, in plan or elevation; numbers of the coordinates to the right and up."""
     axes = figure.add_subplot()
-    drawn = drawn_axes(view.summary["axes"]["xy"])
-    plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
+    *plan, backwards = plan_axes(view.summary["axes"]["xy"])
     chosen = plan
     if view.points.height > 2 or upright:
         frame = network_frame(view)
@@ -462,7 +462,6 @@ def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, 
     names = "XYZ"
     axes.set_xlabel(f"{names[chosen[0]]} [{view.length}]")
     axes.set_ylabel(f"{names[chosen[1]]} [{view.length}]")
-    backwards = {plan[0]: drawn["right_reversed"], plan[1]: drawn["up_reversed"], 2: False}
     axes.xaxis.set_inverted(backwards[chosen[0]])
     axes.yaxis.set_inverted(backwards[chosen[1]])
     axes.ticklabel_format(useOffset=False, style="plain")
@@ -532,10 +531,9 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
         axes.ticklabel_format(useOffset=False, style="plain")
         axes.tick_params("x", rotation=30)
         axes.set_xlabel(f"{'XYZ'[found.axes[0]]} [{view.length}]")
-    drawn = drawn_axes(view.summary["axes"]["xy"])
-    backwards = {"xyz".index(drawn[key]): drawn[f"{key}_reversed"] for key in ("right", "up")}
-    left.xaxis.set_inverted(backwards.get(found.axes[0], False))
-    left.yaxis.set_inverted(backwards.get(found.axes[1], False))
+    *_, backwards = plan_axes(view.summary["axes"]["xy"])
+    left.xaxis.set_inverted(backwards[found.axes[0]])
+    left.yaxis.set_inverted(backwards[found.axes[1]])
     left.set_ylabel(f"{'XYZ'[found.axes[1]]} [{view.length}]")
     return figure
 

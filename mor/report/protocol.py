@@ -286,7 +286,7 @@ def protocol_page(data: dict[str, Any], words: Words) -> str:
             f"<h1>{escape(title)}</h1>",
             page_facts(_facts(data, words)),
             f"<h2>{escape(title_of_tests)}</h2>",
-            page_table("", _HEADERS, marked, words),
+            page_table("", map(words, _HEADERS), marked, words),
             f'<p style="margin-top:4rem">{LINE}<br>{escape(signed)}</p>',
         ],
         words,

@@ -31,7 +31,6 @@ from mor.report.language import LANGUAGES, words_of
 from mor.report.observations import (
     SCHEMA,
     SHOWN,
-    TESTED,
     AssessedRows,
     assessed_pieces,
     check_rows,
@@ -41,6 +40,7 @@ from mor.report.observations import (
     possible_causes,
     suspects,
     table_of,
+    tested_names,
     worst_residuals,
 )
 from mor.report.output_folder import Reservation, to_json, write_folder
@@ -204,10 +204,7 @@ def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
     lines = BytesIO()
     # Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double.
     probabilities = ["p", "p_t", "p_joint"]
-    statistics = [
-        "sigma_adjusted",
-        *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in probabilities),
-    ]
+    statistics = ["sigma_adjusted", *(name for name in tested_names() if name not in probabilities)]
     # Significant digits of statistics in the long table as text; Parquet has all digits.
     shorter = table.with_columns(pl.col(statistics).cast(pl.Float32), pl.col(probabilities).round_sig_figs(7))
     if unsafe:

@@ -16,7 +16,7 @@ from mor.errors import escaped
 from mor.model.contract import ObservationGroup
 from mor.model.images import is_image_point
 from mor.model.observation_types import PLAIN_TYPES
-from mor.model.parameters import ECCENTRICITY, GNSS_FRAME, INTERIORS, KINDS, READOUT, ROTATION, TIME_OFFSET, Values
+from mor.model.parameters import Values
 from mor.model.rotations import angles_from_rotation
 from mor.plan.simulation import (
     CONFIDENCE,
@@ -37,7 +37,7 @@ from mor.project.rows import AIR
 from mor.project.schema import Observations
 from mor.project.tables import Source, TableLocation, from_file, from_rows
 from mor.report import layout
-from mor.report.adjusted_project import Given, Placed, adjusted_project, grids_moved
+from mor.report.adjusted_project import Given, Placed, Setting, adjusted_project, grids_moved, with_settings
 from mor.report.identity import RunIdentity, identity_of, schema_of
 from mor.report.language import Words
 from mor.report.layout import heading, paragraphs, short, table
@@ -76,9 +76,7 @@ def simulated_project(
         ]
     for section in ("cameras", "instruments"):
         if data.get(section):
-            data[section] = {
-                name: _with_observed(network, section[:-1], name, one) for name, one in data[section].items()
-            }
+            data[section] = with_settings(network, section, data[section], network.observed, _observed)
     if data.get("world"):
         data["world"] = grids_moved(data["world"], source, target)
     data.pop("visibility", None)  # it has been worked out; its meshes stay where they are
@@ -232,50 +230,9 @@ def _fits(network: Network, entry: Observations, components: dict[str, Quantity]
     return True
 
 
-def _with_observed(network: Network, space: str, name: str, given: dict[str, Any]) -> dict[str, Any]:
-    result = dict(given)
-    parts = network.things[space].parts
-    number = network.things[space].numbers[name]
-    if space == "camera":
-        kind = INTERIORS[network.project.cameras[name].model].key
-        places = {"interior": (kind, parts["interior"][number])}
-        if result.get("eccentricity"):
-            places["eccentricity"] = ("eccentricity", parts["eccentricity"][number])
-        for key, (of, block) in places.items():
-            if result.get(key):
-                result[key] = _settings(network, of, int(block), result[key])
-        if parts[READOUT.key][number] >= 0:
-            readout = {READOUT.key: result["readout"]}
-            result |= _settings(network, READOUT.key, int(parts[READOUT.key][number]), readout)
-        return result
-    for kind in ("distance meter", "refraction"):
-        result = _settings(network, kind, int(parts[kind][number]), result)
-    # What instruments have besides: its key, the kind of its block, its part.
-    for key, of, part in (
-        ("frame", GNSS_FRAME.key, GNSS_FRAME.key),
-        ("lever_arm", ECCENTRICITY.key, "lever arm"),
-        ("boresight", ROTATION.key, "boresight"),
-        ("time_offset", TIME_OFFSET.key, TIME_OFFSET.key),
-    ):
-        if result.get(key) and parts[part][number] >= 0:
-            given = result[key] if of != TIME_OFFSET.key else {key: result[key]}
-            found = _settings(network, of, int(parts[part][number]), given)
-            result[key] = found if of != TIME_OFFSET.key else found[key]
-    return result
-
-
-def _settings(network: Network, kind: str, block: int, settings: dict[str, Any]) -> dict[str, Any]:
-    names = KINDS[kind].names
-    result = dict(settings)
-    for name, setting in settings.items():
-        if name in names and isinstance(setting, dict) and "observed" in setting:
-            value = float(network.observed[kind][block, names.index(name)])
-            text = repr(value)
-            if KINDS[kind].components[names.index(name)].quantity == ANGLE:
-                unit = network.edge.default_unit(ANGLE)
-                text = f"{value / ANGLE_UNITS[unit]!r} {unit}"
-            result[name] = {**setting, "observed": text}
-    return result
+def _observed(setting: Setting, value: str) -> Setting:
+    """A setting with the simulated value, where it is observed."""
+    return {**setting, "observed": value} if isinstance(setting, dict) and "observed" in setting else setting
 
 
 def truth_table(network: Network, place: Values) -> pl.DataFrame:
@@ -322,7 +279,7 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
 
 # ---- The report of a Monte Carlo simulation: text and plain data.
 
-_NAMES = {
+NAMES = {
     "solutions": "runs with a solution",
     "variance": "mean of vTPv / redundancy",
     "global": "runs that the global test rejects",
@@ -336,6 +293,7 @@ _NAMES = {
     "sigma most": "largest sigma found / sigma said",
     "power": "errors of the size nabla that are found",
 }
+"""Figures of a simulation by key."""
 
 
 def monte_carlo_data(
@@ -425,7 +383,7 @@ def finding_table(found: list[Finding], words: Words) -> str:
     """Each figure with what theory says, what was found, and the limits of chance."""
     rows = [
         [
-            words(_NAMES[one.name]),
+            words(NAMES[one.name]),
             *(words.number(short(value, 4)) for value in (one.expected, one.found, one.lower, one.upper)),
             words("agrees") if one.agrees else words("DISAGREES"),
         ]

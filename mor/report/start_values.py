@@ -14,7 +14,7 @@ from mor.project.network import Network
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, heading, short, table
 from mor.report.orientation import numbers
-from mor.report.page_data import drawn_axes
+from mor.report.page_data import plan_axes
 from mor.report.plots import sheet
 from mor.report.units import angle_unit_of, number_or_none
 from mor.solve.inverse import Local, local_precision
@@ -440,15 +440,13 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
 
 
 def _plane(network: Network, xyz: FloatArray) -> tuple[list[int], list[bool]]:
-    drawn = drawn_axes(network.project.axes.xy)
-    right, up = "xyz".index(drawn["right"]), "xyz".index(drawn["up"])
-    backwards = [drawn["right_reversed"], drawn["up_reversed"]]
+    right, up, backwards = plan_axes(network.project.axes.xy)
     known = xyz[np.isfinite(xyz).all(axis=1)]
     extent = np.ptp(known, axis=0) if len(known) > 2 else np.zeros(3)
     if extent[2] <= 2.0 * min(extent[right], extent[up]):
-        return [right, up], backwards
-    wider = 0 if extent[right] >= extent[up] else 1
-    return [(right, up)[wider], 2], [backwards[wider], False]
+        return [right, up], [backwards[right], backwards[up]]
+    wider = right if extent[right] >= extent[up] else up
+    return [wider, 2], [backwards[wider], False]
 
 
 def _start_values_homes(approximation: Approximation, count: int) -> IntArray:

@@ -7,12 +7,12 @@ import os
 import platform
 from collections.abc import Iterable
 from datetime import UTC, datetime
-from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from markupsafe import Markup, escape
 from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
 from mor.errors import escaped
@@ -172,12 +172,14 @@ _STYLE = """
 body { font: 14px/1.4 system-ui, sans-serif; margin: 2rem auto; max-width: 85rem; padding: 0 1rem; color: #1a1a1a; }
 table { border-collapse: collapse; width: 100%; margin: 0 0 1.5rem; }
 th, td { text-align: right; padding: .2rem .6rem; border-bottom: 1px solid #ddd; vertical-align: top; }
-th:first-child, td:first-child, .checks td:nth-child(n+7) { text-align: left; }
+th:first-child, td:first-child, .checks td:nth-child(n+7), .batch td:last-child { text-align: left; }
+.batch th:nth-child(2), .batch td:nth-child(2) { text-align: left; }
 tr.fails td { color: #a40000; font-weight: 600; }
 @media (prefers-color-scheme: dark) {
   body { background: #16181a; color: #e6e6e6; }
   th, td { border-color: #3a3d40; }
   tr.fails td { color: #ff8a80; }
+  a { color: #8ab4f8; }
 }
 """
 
@@ -188,14 +190,14 @@ def verification_page(data: dict[str, Any], words: Words) -> str:
         f"<h1>{escape(words('Verification of this installation'))}</h1>",
         f"<p><strong>{escape(verdict(data, words))}</strong></p>",
         page_facts(_head(data, words)),
-        page_table("", _GROUP_HEADERS, ((row, int(row[3]) > 0) for row in _groups(data, words)), words),
+        page_table("", map(words, _GROUP_HEADERS), ((row, int(row[3]) > 0) for row in _groups(data, words)), words),
     ]
     for group, members in groupby(data["checks"], key=lambda row: row["group"]):
         parts.append(f"<h2>{escape(words.listed(group))}</h2>")
         for (name, source), rows in groupby(members, key=lambda row: (row["name"], row["source"])):
             title = f"<b>{escape(words.listed(name))}</b>: {escape(words.listed(source))}"
             cells = ((_row(row, words), not row["passed"]) for row in rows)
-            parts += [f"<p>{title}</p>", page_table("checks", _HEADERS, cells, words)]
+            parts += [f"<p>{title}</p>", page_table("checks", map(words, _HEADERS), cells, words)]
     return plain_page(verdict(data, words), parts, words)
 
 
@@ -215,12 +217,14 @@ def page_facts(facts: Iterable[tuple[str, str]]) -> str:
 
 
 def page_table(kind: str, headers: Iterable[str], rows: Iterable[tuple[list[str], bool]], words: Words) -> str:
-    """Rows of texts as a table, those that failed marked."""
-    heads = "".join(f"<th>{escape(words(name))}</th>" for name in headers)
+    """Rows of texts, or of HTML, as a table, those that failed marked."""
+    heads = "".join(f"<th>{escape(name)}</th>" for name in headers)
+
+    def said(cell: str) -> str:
+        return cell if isinstance(cell, Markup) else escape(escaped(words.number(cell)))
+
     lines = (
-        f"<tr{' class=fails' if failed else ''}>"
-        + "".join(f"<td>{escape(escaped(words.number(cell)))}</td>" for cell in cells)
-        + "</tr>"
+        f"<tr{' class=fails' if failed else ''}>" + "".join(f"<td>{said(cell)}</td>" for cell in cells) + "</tr>"
         for cells, failed in rows
     )
     return f'<table class="{kind}">\n<tr>{heads}</tr>\n' + "\n".join(lines) + "\n</table>"

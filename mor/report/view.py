@@ -29,6 +29,7 @@ from mor.report.estimates import (
 )
 from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.observations import SCHEMA, check_rows, gross_errors, possible_causes, suspects
+from mor.report.schema import data_types
 from mor.report.summary import SCHEMA_VERSION, summary
 from mor.report.units import points
 from mor.report.verdict import FILE, external_reliability, reliability_rows, verdict_rows
@@ -162,22 +163,19 @@ def view_of_folder(folder: Path) -> View:
             view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
         return replace(
             view,
-            movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
+            movements=_additional(data, "movements", folder, ("point", "from", "to")),
             trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
         )
     except (KeyError, TypeError, pl.exceptions.PolarsError):
         raise InputError([Message("these results are not complete", str(path))]) from None
 
 
-def _additional(
-    data: dict[str, Any], key: str, folder: Path, texts: tuple[str, ...], needed: tuple[str, ...] = ()
-) -> pl.DataFrame:
-    """A table that a report can do without: empty if it is not there or lacks the columns ``needed``."""
+def _additional(data: dict[str, Any], key: str, folder: Path, texts: tuple[str, ...]) -> pl.DataFrame:
+    """A table that a report can do without: empty if it is not there."""
     path = folder / data["tables"].get(key, f"{key}.csv")
     if key not in data["tables"] or not path.exists():
         return pl.DataFrame()
-    frame = _read(path, key, dict.fromkeys(texts, pl.String))
-    return frame if set(needed) <= set(frame.columns) else pl.DataFrame()
+    return _read(path, key, dict.fromkeys(texts, pl.String))
 
 
 def view_of_rows(data: dict[str, Any], points: pl.DataFrame, images: pl.DataFrame, residuals: pl.DataFrame) -> View:
@@ -188,8 +186,8 @@ def view_of_rows(data: dict[str, Any], points: pl.DataFrame, images: pl.DataFram
         notes=data.get("notes", []),
         points=_placed(points),
         images=_placed(images),
-        stations=_frame(data["stations"]),
-        groups=_frame(data["groups"]),
+        stations=_frame(data["stations"], "Station"),
+        groups=_frame(data["groups"], "Group"),
         cameras=data["cameras"],
         relative=data["relative"],
         checks=data["checks"],
@@ -205,9 +203,7 @@ def view_of_rows(data: dict[str, Any], points: pl.DataFrame, images: pl.DataFram
 
 def _placed(frame: pl.DataFrame) -> pl.DataFrame:
     """Rows with coordinates: what was left out or is at infinity has no place in a picture."""
-    if "x" not in frame.columns or not frame["x"].null_count():
-        return frame
-    return frame.filter(pl.col("x").is_not_null())
+    return frame.filter(pl.col("x").is_not_null()) if frame["x"].null_count() else frame
 
 
 def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:
@@ -222,10 +218,9 @@ def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:
 def _table(data: dict[str, Any], key: str, folder: Path) -> pl.DataFrame:
     """Points or images, which stand in ``results.json`` or, where they are many, beside it."""
     if data[key] is not None:
-        return _frame(data[key])
-    return _read(
-        folder / data["tables"].get(key, f"{key}.csv"), key, dict.fromkeys(("id", "camera", "status"), pl.String)
-    )
+        return _frame(data[key], {"points": "Point", "images": "Image"}[key])
+    path = folder / data["tables"].get(key, f"{key}.csv")
+    return _read(path, key, dict.fromkeys(("id", "camera", "status"), pl.String))
 
 
 def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.DataFrame:
@@ -243,12 +238,8 @@ def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.Data
     return frame.with_columns(*map(plain_column, texts))
 
 
-def _frame(rows: list[dict[str, Any]]) -> pl.DataFrame:
-    return (
-        pl.DataFrame(rows, infer_schema_length=None)
-        if rows
-        else pl.DataFrame(schema=dict.fromkeys(("id", "camera"), pl.String))
-    )
+def _frame(rows: list[dict[str, Any]], part: str) -> pl.DataFrame:
+    return pl.DataFrame(rows, infer_schema_length=None) if rows else pl.DataFrame(schema=data_types(part))
 
 
 def projection_centres(solved: Solved) -> FloatArray:

@@ -14,6 +14,7 @@ from mor.api import verification
 from mor.api.verification import About, VerificationTask, carried_out, reference_data, tasks
 from mor.cli import run
 from mor.report.language import words_of
+from mor.report.simulation import NAMES
 from mor.report.verification import ReferenceCheck
 
 REGRESSIONS = json.loads((reference_data() / "nist" / "regression.json").read_text(encoding="utf-8"))
@@ -80,12 +81,12 @@ def test_quick_checks_pass(quick):
 
 def test_names_quantities_and_sources_are_there_in_german(quick):
     said = {text for check in quick for text in (check.group, check.quantity)}
-    said |= {text for check in quick if check.group == "closed forms" for text in (check.name, check.source)}
+    said |= {text for check in quick if check.name == "quantiles and p-values" for text in (check.name, check.source)}
     said |= {text for check in quick if check.group == "start values" for text in (check.name,)}
     said |= {
         *verification._GROUPS.values(),
         *verification._QUANTITIES.values(),
-        *verification._FINDINGS.values(),
+        *NAMES.values(),
     }
     same = {text for text in said if "=" in text or text == "sigma0"}
     assert sorted(said - same - set(GERMAN)) == []

@@ -56,7 +56,7 @@ def test_rooms_and_functions_of_the_architecture_exist() -> None:
     page = text("architecture.md")
     tree = [f"/{path.relative_to(ROOT).as_posix()}" for path in (ROOT / "mor").rglob("*")]
     tree += [f"/{name}/{path.name}" for name in ("docs", "tests") for path in (ROOT / name).iterdir()]
-    rooms = re.findall(r"`([\w/]+(?:/|\.py|\.js|\.css))`", page)
+    rooms = re.findall(r"`([\w/]+(?:/|\.py|\.js|\.css|\.toml))`", page)
     assert len(rooms) > 40
     assert [room for room in rooms if not any(path.endswith(f"/{room.rstrip('/')}") for path in tree)] == []
     arrows = re.findall(

@@ -151,3 +151,12 @@ def test_mistakes(results: Path, tmp_path: Path) -> None:
     assert mor("certificate", results, "D8", "--to", "opencv", "-o", tmp_path / "x").code == 2
     assert "ends in .html" in mor("certificate", results, "D7", "-o", tmp_path / "x.doc").err
     assert mor("certificate", tmp_path, "D7").code == 2
+
+
+def test_pdf_is_one_sheet(tmp_path: Path) -> None:
+    pytest.importorskip("reportlab")
+    assert mor("adjust", SAMPLES / "facade" / "project.yaml", "-o", tmp_path / "results", "--no-html").code == 0
+    target = tmp_path / "d7.pdf"
+    assert mor("certificate", tmp_path / "results", "D7", "-o", target, "--coverage", "2").code == 0
+    assert target.read_bytes().startswith(b"%PDF")
+    assert b"/Count 1 " in target.read_bytes()

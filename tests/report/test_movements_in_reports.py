@@ -1,4 +1,4 @@
-"""Reports from folders whose table of movements is missing, old or there."""
+"""Reports from folders whose table of movements is missing or there."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import pytest
 from mor.cli import run
 from tests.report.html.conftest import SAMPLES
 
-OLD = {"point": ["P"], "from": ["1"], "to": ["2"], "x": [0.1], "sx": [0.01], "moved": [True]}
-"""Columns of an older version: without correlations."""
 NEW = {
     "point": ["P1", "P2"],
     "from": ["1", "1"],
@@ -39,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return target
 
 
-@pytest.mark.parametrize(("table", "drawn"), [(None, False), (OLD, False), (NEW, True)])
+@pytest.mark.parametrize(("table", "drawn"), [(None, False), (NEW, True)])
 @pytest.mark.parametrize("option", [[], ["--pdf"]])
 def test_report_with_and_without_movements(
     folder: Path, table: dict[str, list[object]] | None, drawn: bool, option: list[str]

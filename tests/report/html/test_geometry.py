@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from mor.report.language import words_of
-from mor.report.page import browser, page
+from mor.report.page import page
 from mor.report.view import View
-from tests.page_geometry import problems
+from tests.page_geometry import browser, problems
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 pytestmark = [

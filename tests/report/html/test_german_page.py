@@ -60,7 +60,7 @@ def test_every_sentence_is_there_in_german() -> None:
 
 def test_templates_hold_no_english_of_their_own() -> None:
     """Words between tags and in attributes that people see come from the dictionary."""
-    for path in HTML.glob("templates/*.j2"):
+    for path in HTML.glob("templates/*.html.j2"):
         plain = re.sub(r"\{\{.*?\}\}|\{%.*?%\}", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
         seen = [*re.findall(r'(?:title|placeholder|aria-label)="([^"]*)"', plain), SILENT.sub(" ", plain)]
         left = set(re.findall(r"[A-Za-z]{3,}", " ".join(seen)))

@@ -70,7 +70,7 @@ def test_every_sentence_of_plans_simulations_and_batches_is_there_in_german(path
 
 
 def test_what_plans_simulations_and_batches_call_things_is_there_in_german() -> None:
-    named = {*design_text.WHAT.values(), *monte_carlo._NAMES.values(), *batch._STATUS.values(), AS_IT_IS}
+    named = {*design_text.WHAT.values(), *monte_carlo.NAMES.values(), *batch._STATUS.values(), AS_IT_IS}
     assert sorted(named - set(words_of("de", "planning").catalogue)) == []
 
 
