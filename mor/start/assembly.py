@@ -265,8 +265,6 @@ def assembled(network: Network, scene: Scene) -> Assembly:
             grow(parts[0], scene, FEWEST)
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         grow(parts[0], scene, FEWEST)
-    if stand_level_with_sights(parts[0], scene.terrestrial):
-        grow(parts[0], scene, FEWEST)
     return assembly
 
 
@@ -350,8 +348,6 @@ def _place_the_rest(assembly: Assembly) -> None:
         grow(parts[0], scene, assembly.fewest)
     while grow_single_points(parts[0], scene, ambiguous=True):
         grow(parts[0], scene, assembly.fewest)
-    if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
-        grow(parts[0], scene, assembly.fewest)
 
 
 def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
@@ -366,7 +362,6 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
         if settles or not level_roughly(source, scene):
             return by_all
     level_roughly(source, scene)
-    direct_roughly(source, scene)
     return tie(system, source, scene)
 
 
