@@ -42,15 +42,12 @@ RULES: dict[str, tuple[Any, str, Any]] = {
     "followers of stereo pairs": (assembly, "grow_relative", False),
     "intersections of arcs": (assembly, "grow_arcs", False),
     "single points by all that meets in them": (assembly, "grow_single_points", False),
-    "poses again from all known points": (assembly, "pose_again", False),
     "vertical by levelled instruments": (scene, "_level_by_frames", False),
     "joins by common points and poses": (assembly, "join", False),
     "joins by all observations": (assembly, "tie_by_observations", None),
-    "last ties: vertical as well as it fits": (assembly, "level_roughly", False),
     "first height of a network": (assembly, "begin_heights", False),
     "tilted stations as if level": (assembly, "place_as_if_level", False),
     "frames of few points at last": (assembly, "pose_the_rest", False),
-    "stations level with what they sight": (assembly, "stand_level_with_sights", False),
     "random restarts": (assembly, "from_random_places", None),
 }
 """Where each rule is called, and what it returns where it finds nothing."""

@@ -188,7 +188,7 @@ def meet(
     of_all, agreeing = np.bincount(point, minlength=len(points)), np.bincount(point[use], minlength=len(points))
     for number in np.flatnonzero((2 * agreeing < of_all) & (of_all > 2)).tolist() if rounds > 1 else ():
         rows = np.flatnonzero(point == number)
-        own = _Lines(np.zeros(len(rows), dtype=np.int64), *(array[rows] for array in lines[1:]))
+        own = lines.take(rows)._replace(point=np.zeros(len(rows), dtype=np.int64))
         begin = _likelier_pair(own, int(agreeing[number]), smallest)
         if begin is not None:
             X[[number]], good[[number]], use[rows] = _meet_in_rounds(own, begin, 1, smallest, rounds)
@@ -206,7 +206,7 @@ class _Lines(NamedTuple):
     """(n,) what they may pass by at, as the difference of unit vectors."""
 
     def take(self, rows: IntArray | BoolArray) -> _Lines:
-        return _Lines(*(array[rows] for array in self))
+        return _Lines._make(array[rows] for array in self)
 
     def agree(self, X: FloatArray) -> BoolArray:
         """(…, n) true where they go to ``X`` (…, n, 3)."""
