@@ -13,10 +13,10 @@ from mor.linalg.cholesky import NotFiniteError, factorise
 from mor.linalg.symbolic import analyse
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, remembered, reproject
+from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
-from mor.start.resection import AGREES, KnownPosition, Pose, Resection, ResectionOutcome, adjust_pose, resect, star_of
+from mor.start.resection import AGREES, KnownPosition, Pose, ResectionOutcome, adjust_pose, resect, star_of
 from mor.start.scene import Scene, make_upright
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -35,8 +35,8 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
     least = [len(known)] * len(usable) if len(known) < 6 else []
     least += [least_agreeing(len(known))] * len(usable)
     for slack, enough in zip([*usable, *usable][-len(least) :], least, strict=True):
-        rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
-        bundle, result = direction_bundle(rays, sigma), _resected(rays, sigma, targets)
+        bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], slack))
+        result = resect(bundle, targets)
         agreeing = int(np.count_nonzero(result.agreeing))
         if result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK) and agreeing >= enough:
             pose = Pose(result.position, result.rotation)
@@ -49,11 +49,6 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
 def least_agreeing(known: int) -> int:
     """Return the least number of known points that must agree with a pose."""
     return max(4, int(np.ceil(0.6 * known)))
-
-
-@remembered
-def _resected(rays: FloatArray, sigma: FloatArray, targets: FloatArray) -> Resection:
-    return resect(direction_bundle(rays, sigma), targets)
 
 
 def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
