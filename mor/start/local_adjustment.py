@@ -16,7 +16,7 @@ from mor.model.rotations import cross_matrix, rotate
 from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
-from mor.start.resection import AGREES, KnownPosition, Pose, ResectionOutcome, adjust_pose, resect, star_of
+from mor.start.resection import AGREES, Pose, ResectionOutcome, adjust_pose, resect, star_of
 from mor.start.scene import Scene, make_upright
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -39,9 +39,7 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
         result = resect(bundle, targets)
         agreeing = int(np.count_nonzero(result.agreeing))
         if result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK) and agreeing >= enough:
-            pose = Pose(result.position, result.rotation)
-            pose = _tied(part, frame, bundle.take(result.agreeing), targets[result.agreeing], pose)
-            _enter(part, frame, number, pose, agreeing, len(known))
+            _enter(part, frame, number, Pose(result.position, result.rotation), agreeing, len(known))
             return True
     return False
 
@@ -74,25 +72,12 @@ def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, ta
         return False
     start = Pose(*part.poses[int(np.bincount(neighbours).argmax())])
     bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], max(part.slack, SLACKS[1])))
-    pose = adjust_pose(bundle, targets, start, 15, observed_centre(part, frame, start, targets))
-    pose = _tied(part, frame, bundle, targets, pose)
+    pose = adjust_pose(bundle, targets, start, 15)
     agreeing = misfits(bundle, star_of(targets, pose)[None])[0] < AGREES
     if np.count_nonzero(agreeing) < 0.8 * len(known):
         return False
     _enter(part, frame, number, pose, int(np.count_nonzero(agreeing)), len(known))
     return True
-
-
-def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: Pose) -> Pose:
-    """The pose that also agrees with a given position, so that nothing drifts away from it."""
-    observed = observed_centre(part, frame, pose, targets)
-    return pose if observed is None else adjust_pose(bundle, targets, pose, 15, observed)
-
-
-def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> KnownPosition | None:
-    """Projection centre that a given position says at this attitude, and its σ."""
-    known, place, sigma = observed_centres(part, [frame], pose.rotation[None], targets)
-    return KnownPosition(place[0], sigma[0]) if known[0] else None
 
 
 def observed_centres(

@@ -4,25 +4,10 @@ import numpy as np
 import pytest
 
 from mor.model.rotations import rotate
-from mor.start.bundle import direction_bundle
 from mor.start.intersection import meet, posed_frames
 from mor.start.local_adjustment import settle
 from mor.start.part import Frame, empty_part, sightings
-from mor.start.resection import KnownPosition, Pose, adjust_pose
 from mor.start.seeds import WINDOW, common_pairs
-
-
-def test_an_observed_position_holds_the_pose_with_its_weight(scenes):
-    """Position observed with a tiny σ: it is kept, and the attitude is the one that fits from there."""
-    made = scenes.scene(3, 0.005, n=20)
-    place, rotation = made.cameras[0]
-    bundle = direction_bundle(made.rays[0], 1e-4)
-    moved = place + 1e-3
-    held = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e-9)))
-    np.testing.assert_allclose(held.position, moved, atol=1e-9)
-    np.testing.assert_allclose(held.rotation @ held.rotation.T, np.eye(3), atol=1e-13)
-    free = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e6)))
-    np.testing.assert_allclose(free.position, adjust_pose(bundle, made.points, held).position, atol=1e-8)
 
 
 def frames_of(made, wrong=0):
