@@ -25,6 +25,7 @@ from mor.start.join import (
     contradicting_frames,
     contradicting_points,
     fill_in,
+    free_movements,
     join,
     lay_upon,
     open_movements,
@@ -59,10 +60,12 @@ from mor.start.local_adjustment import (
 from mor.start.movement import FreeRotation, Movement
 from mor.start.part import Approximation, Frame, Part, Phrase, rule, untied
 from mor.start.points_at_infinity import nearly_parallel
+from mor.start.pose_again import pose_again
 from mor.start.scene import (
     Scene,
     grow_relative,
     level_and_scale,
+    level_roughly,
     scene_of,
 )
 from mor.start.seeds import FramePairs, common_pairs, seed_bundles, seed_doubtful, seed_levelled, seed_plan
@@ -118,6 +121,7 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
         grown = grown or grow_single_points(part, scene)
+        grown = grown or pose_again(part, scene)
         spread_positions(part, scene.frames)
         if not grown:
             return True
@@ -347,11 +351,17 @@ def _place_the_rest(assembly: Assembly) -> None:
 
 
 def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
-    """Return the last tie of a part to the object system, controlled or not; by all observations if they say more."""
+    """Return the last tie of a part to the object system, controlled or not; by all observations if they say more.
+
+    What nothing tells of the vertical it finds as well as it can.
+    """
     system, scene = assembly.parts[0], assembly.scene
     by_all = tie_by_observations(assembly.network, system, source, scene, 0)
     if by_all is not None and by_all.open < open_movements(system, source, scene):
-        return by_all
+        settles = by_all.open < free_movements(system, source) or source.levelled
+        if settles or not level_roughly(source, scene):
+            return by_all
+    level_roughly(source, scene)
     return tie(system, source, scene)
 
 

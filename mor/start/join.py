@@ -156,6 +156,11 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
     return 7 if found is None else found.open
 
 
+def free_movements(target: Part, source: Part) -> int:
+    """Return the number of movements of two parts against each other if nothing ties them."""
+    return 3 + turn_between(target, source).count + (not (target.scaled and source.scaled))
+
+
 def turn_between(target: Part, source: Part) -> FreeRotation:
     """Return the turns of two parts against each other that their verticals and directions leave free."""
     if not (target.levelled and source.levelled):

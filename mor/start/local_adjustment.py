@@ -314,6 +314,11 @@ def _intersect(
     return fresh
 
 
+def intersect_again(part: Part, frames: Sequence[Frame], seen: Sightings, moved: Sequence[int]) -> None:
+    """Intersect the points that frames see whose poses are others now."""
+    _intersect(part, frames, seen, posed_frames(part.poses, seen.frames), moved)
+
+
 def _seen(seen: Sightings, points: IntArray) -> IntArray:
     return np.bincount(seen.frame[seen.of_points(points)], minlength=seen.frames)
 

@@ -325,6 +325,8 @@ class Part:
     """Sight number → κ of a levelled set."""
     how: dict[str, Phrase] = field(default_factory=dict)
     """Name → how it was obtained."""
+    posed_again: dict[int, int] = field(default_factory=dict)
+    """Frame number → how many of its points were known when its pose was last tested."""
     levelled: bool = False
     """True where the Z axis is the vertical."""
     oriented: bool = False

@@ -10,9 +10,10 @@ import numpy as np
 import scipy.sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from mor.model import rotations
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.network import Network
-from mor.start.bundle import movement_by
+from mor.start.bundle import movement_by, sphere
 from mor.start.movement import Movement
 from mor.start.part import (
     Distances,
@@ -358,6 +359,58 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     x /= np.linalg.norm(x)
     part.transform(movement_by(rotation=np.stack([x, np.cross(z, x), z])))
     part.levelled = True
+
+
+def level_roughly(part: Part, scene: Scene) -> bool:
+    """Turn a part so that heights of instruments and height differences inside it fit as well as they can.
+
+    True where it is upright after that.
+    """
+    lift = _lift(part, scene.frames)
+    if not part.levelled and np.any(lift):
+        make_upright(part, lift)
+    difference, dz = _between_known(part, scene.level_lines)
+    if part.levelled or len(dz) == 0:
+        return part.levelled
+    up = sphere(400)
+    rise = up @ difference.T
+    factor = np.ones(len(up))
+    if not part.scaled:
+        factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
+    cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
+    # Factor of the misfits up to which two verticals fit alike.
+    # Relative misfit beyond which height differences and points do not belong together.
+    alike = up[cost <= max(3.0**2 * float(cost.min()), (0.05 * float(np.linalg.norm(dz))) ** 2)]
+    best = up[int(np.argmin(cost))]
+    if part.poses:  # those who see are above what they see, as far as nothing else tells
+        seen = part.points[np.isfinite(part.points).all(axis=1)]
+        above = np.mean([centre for centre, _ in part.poses.values()], axis=0) - (
+            seen.mean(axis=0) if len(seen) else 0.0
+        )
+        best = alike[int(np.argmax(alike @ above))]
+    for _ in range(20 if part.scaled else 0):
+        across = difference - np.outer(difference @ best, best)
+        best = best - rotations.lstsq(across, difference @ best - dz, rcond=1e-6)
+        best = best / np.linalg.norm(best)
+    make_upright(part, best)
+    return True
+
+
+def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
+    """(3,) sum of what leads up over one position: from its point to instrument, from instrument to instrument."""
+    over: dict[int, list[tuple[float, FloatArray]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+    lift = np.zeros(3)
+    for position, places in over.items():
+        if np.isfinite(part.points[position]).all():
+            places.append((0.0, part.points[position]))
+        (low, below), (high, above) = min(places, key=lambda one: one[0]), max(places, key=lambda one: one[0])
+        if high > low:
+            lift += above - below
+    return lift
 
 
 def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray, FloatArray]:
