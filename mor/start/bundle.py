@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from functools import cached_property, wraps
+from functools import cached_property
 from itertools import combinations
 from math import comb
-from typing import NamedTuple, ParamSpec, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -217,41 +216,6 @@ def misfits(bundle: Bundle, star: FloatArray) -> FloatArray:
 def ahead(bundle: Bundle, star: FloatArray) -> BoolArray:
     """(n,) True where a point lies at a positive multiple of its ray."""
     return np.asarray(np.einsum("ni,ni->n", bundle.rays, star) > 0.0)
-
-
-# ---- A cache for pure functions of arrays.
-#
-# The growth of parts starts again and again from the same state. If wrong names or start values keep parts
-# from fitting together, nine of ten calls repeat earlier ones.
-
-Given = ParamSpec("Given")
-Found = TypeVar("Found")
-
-
-def remembered(function: Callable[Given, Found]) -> Callable[Given, Found]:
-    """Decorate a pure function of arrays and hashable values; keep its last 512 results.
-
-    Callers share the results and must not change them.
-    """
-    known: OrderedDict[Hashable, Found] = OrderedDict()
-
-    @wraps(function)
-    def cached(*args: Given.args, **kwargs: Given.kwargs) -> Found:
-        key = tuple(_hashable(value) for value in (*args, *sorted(kwargs.items())))
-        if key not in known:
-            known[key] = function(*args, **kwargs)
-            if len(known) > 512:
-                known.popitem(last=False)
-        known.move_to_end(key)
-        return known[key]
-
-    return cached
-
-
-def _hashable(value: object) -> Hashable:
-    if isinstance(value, np.ndarray):
-        return value.shape, value.dtype.str, value.tobytes()
-    return value
 
 
 # ---- From measured image coordinates back to rays, through any camera model.

@@ -466,8 +466,6 @@ class UnorientedSet(NamedTuple):
     place: int
     points: IntArray
     directions: FloatArray
-    rises: FloatArray
-    """(n,) what its points are higher than it at a distance of 1; NaN where no vertical direction was read."""
 
 
 class Search(NamedTuple):
@@ -497,7 +495,7 @@ class Search(NamedTuple):
         for one in self.sights:
             told = number[one.points] >= 0
             points, place = number[one.points[told]], int(number[one.place])
-            sights.append(UnorientedSet(place, points, one.directions[told], one.rises[told]))
+            sights.append(UnorientedSet(place, points, one.directions[told]))
         return self._replace(sides=sides, rows=rows, sights=tuple(sights))
 
     @property
@@ -608,21 +606,6 @@ def starts(search: Search) -> SimilarityTransformations:
         states = states._replace(unit=np.where(unit > 0.0, unit, 1.0))
     elif search.stance.by_source:
         states = states._replace(unit=1.0 / states.scale)
-    # States whose stations that are looked for are free stations, by three directions and more to known
-    # points.
-    points = placed(search.sides, states)[0]
-    places = states.places.copy()
-    for place, sighted, directions, rises in search.sights:
-        column = np.flatnonzero(search.sides.places == place)
-        # Number by which points that neither part knows are known.
-        told = np.asarray(search.sides.known[sighted] != 3)
-        if len(column) and np.count_nonzero(told) >= 3:
-            there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
-            back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
-            places[:, column[0]] = np.where(
-                np.isfinite(there.sum(axis=1, keepdims=True)), back[:, 0], places[:, column[0]]
-            )
-    states = states._replace(places=places)
     return states._replace(kappas=_orientations(search, states))
 
 
@@ -665,35 +648,11 @@ def _lengths(search: Search) -> float:
     return float(np.nanmax(np.concatenate(lengths))) if lengths else 0.0
 
 
-def _free_stations(points: FloatArray, directions: FloatArray, rises: FloatArray) -> FloatArray:
-    """(k, 3) places from directions (n,) to points (k, n, 3): across every direction n · R_κ (P − S) = 0.
-
-    Linear and homogeneous in cos κ, sin κ and R_κ S; of these S is eliminated, with cos² κ + sin² κ = 1.
-    """
-    c, s = np.cos(directions), np.sin(directions)
-    middle = points.mean(axis=1, keepdims=True)
-    x, y, z = np.moveaxis(points - middle, 2, 0)
-    across = np.stack([c, -s], axis=1)
-    turn = np.stack([c * x - s * y, c * y + s * x], axis=2)
-    inverse = rotations.pinv(across)
-    rest = turn - across @ (inverse @ turn)
-    _, axes = rotations.eigh(np.swapaxes(rest, 1, 2) @ rest)
-    kappa = axes[:, :, 0]
-    own = np.einsum("ij,kjl,kl->ki", inverse, turn, kappa)
-    cosine, sine = kappa.T
-    along = s * (cosine[:, None] * x + sine[:, None] * y) + c * (cosine[:, None] * y - sine[:, None] * x)
-    away = along - own @ np.stack([s, c])
-    plan = np.stack([cosine * own[:, 0] - sine * own[:, 1], sine * own[:, 0] + cosine * own[:, 1]], axis=1)
-    told = np.isfinite(rises)
-    height = np.median(z[:, told] - np.abs(away[:, told]) * rises[told], axis=1) if told.any() else 0.0 * cosine
-    return np.asarray(np.concatenate([plan, height[:, None]], axis=1) + middle[:, 0])
-
-
 def _orientations(search: Search, states: SimilarityTransformations) -> FloatArray:
     """(k, a) of sets, from the places that their points have at the start: the circular mean."""
     points, _ = placed(search.sides, states)
     kappas = np.zeros((len(states.scale), len(search.sides.sets)))
-    for column, (place, sighted, directions, _) in enumerate(search.sights):
+    for column, (place, sighted, directions) in enumerate(search.sights):
         away = points[:, sighted, :2] - points[:, place, None, :2]
         turn = np.exp(1j * (directions - np.arctan2(away[..., 0], away[..., 1])))
         kappas[:, column] = np.angle(turn.sum(axis=1))
@@ -779,8 +738,7 @@ def _sights(scene: Scene, sides: Sides) -> tuple[UnorientedSet, ...]:
     for block in sides.sets.tolist():
         sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
         told = (sides.known[sight.points] > 0) & np.isfinite(sight.directions)
-        rises = np.tan(sight.verticals[told])
-        found.append(UnorientedSet(sight.position, sight.points[told], sight.directions[told], rises))
+        found.append(UnorientedSet(sight.position, sight.points[told], sight.directions[told]))
     return tuple(found)
 
 

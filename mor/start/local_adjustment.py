@@ -13,10 +13,10 @@ from mor.linalg.cholesky import NotFiniteError, factorise
 from mor.linalg.symbolic import analyse
 from mor.model import rotations
 from mor.model.rotations import cross_matrix, rotate
-from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, remembered, reproject
+from mor.start.bundle import Bundle, direction_bundle, evenly, misfits, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
-from mor.start.resection import AGREES, KnownPosition, Pose, Resection, ResectionOutcome, adjust_pose, resect, star_of
+from mor.start.resection import AGREES, Pose, ResectionOutcome, adjust_pose, resect, star_of
 from mor.start.scene import Scene, make_upright
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -35,13 +35,11 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
     least = [len(known)] * len(usable) if len(known) < 6 else []
     least += [least_agreeing(len(known))] * len(usable)
     for slack, enough in zip([*usable, *usable][-len(least) :], least, strict=True):
-        rays, sigma = frame.rays[known], loosened(frame.sigma[known], slack)
-        bundle, result = direction_bundle(rays, sigma), _resected(rays, sigma, targets)
+        bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], slack))
+        result = resect(bundle, targets)
         agreeing = int(np.count_nonzero(result.agreeing))
         if result.outcome in (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK) and agreeing >= enough:
-            pose = Pose(result.position, result.rotation)
-            pose = _tied(part, frame, bundle.take(result.agreeing), targets[result.agreeing], pose)
-            _enter(part, frame, number, pose, agreeing, len(known))
+            _enter(part, frame, number, Pose(result.position, result.rotation), agreeing, len(known))
             return True
     return False
 
@@ -49,11 +47,6 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
 def least_agreeing(known: int) -> int:
     """Return the least number of known points that must agree with a pose."""
     return max(4, int(np.ceil(0.6 * known)))
-
-
-@remembered
-def _resected(rays: FloatArray, sigma: FloatArray, targets: FloatArray) -> Resection:
-    return resect(direction_bundle(rays, sigma), targets)
 
 
 def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
@@ -79,25 +72,12 @@ def _like_a_neighbour(part: Part, frame: Frame, number: int, known: IntArray, ta
         return False
     start = Pose(*part.poses[int(np.bincount(neighbours).argmax())])
     bundle = direction_bundle(frame.rays[known], loosened(frame.sigma[known], max(part.slack, SLACKS[1])))
-    pose = adjust_pose(bundle, targets, start, 15, observed_centre(part, frame, start, targets))
-    pose = _tied(part, frame, bundle, targets, pose)
+    pose = adjust_pose(bundle, targets, start, 15)
     agreeing = misfits(bundle, star_of(targets, pose)[None])[0] < AGREES
     if np.count_nonzero(agreeing) < 0.8 * len(known):
         return False
     _enter(part, frame, number, pose, int(np.count_nonzero(agreeing)), len(known))
     return True
-
-
-def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: Pose) -> Pose:
-    """The pose that also agrees with a given position, so that nothing drifts away from it."""
-    observed = observed_centre(part, frame, pose, targets)
-    return pose if observed is None else adjust_pose(bundle, targets, pose, 15, observed)
-
-
-def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> KnownPosition | None:
-    """Projection centre that a given position says at this attitude, and its σ."""
-    known, place, sigma = observed_centres(part, [frame], pose.rotation[None], targets)
-    return KnownPosition(place[0], sigma[0]) if known[0] else None
 
 
 def observed_centres(

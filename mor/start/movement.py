@@ -18,7 +18,7 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.rotations import exponential
-from mor.start.bundle import Similarity, SimilarityOutcome, congruence, movement_by, remembered, similarity, sphere
+from mor.start.bundle import Similarity, SimilarityOutcome, congruence, movement_by, similarity, sphere
 from mor.types import BoolArray, FloatArray
 
 OPEN = 0.1
@@ -77,20 +77,7 @@ def movement(ties: Ties, turn: FreeRotation, scaled: bool) -> Movement | None:
     """The movement that fits best; ``scaled``: both systems have the same scale. ``None`` where nothing ties them."""
     if not np.isfinite(ties.target).any() and len(ties.source_axes) == 0:
         return None
-    return _best(ties.source, ties.target, ties.source_axes, ties.target_axes, turn, scaled)
-
-
-@remembered
-def _best(
-    source: FloatArray,
-    target: FloatArray,
-    source_axes: FloatArray,
-    target_axes: FloatArray,
-    turn: FreeRotation,
-    scaled: bool,
-) -> Movement | None:
-    ties, known = Ties(source, target, source_axes, target_axes), np.isfinite(target)
-    frame = _normalised(ties, known)
+    frame = _normalised(ties, np.isfinite(ties.target))
     refined = [_refined(frame, R, turn, scaled) for R in _starts(frame, turn, scaled)]
     found = [one for one in refined if one is not None and one.scale > 0.0]
     if not found:

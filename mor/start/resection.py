@@ -40,31 +40,17 @@ def pose_design(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[FloatAr
     return computed.residuals.ravel(), np.concatenate([by_position, by_rotation], axis=2).reshape(-1, 6)
 
 
-class KnownPosition(NamedTuple):
-    """A position known beforehand: GNSS, a station, control."""
-
-    place: FloatArray
-    """(3,)"""
-    sigma: FloatArray
-    """(3,) standard deviations > 0."""
-
-
-def adjust_pose(
-    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: KnownPosition | None = None
-) -> Pose:
-    """Least-squares pose from n ≥ 3 points (n, 3), starting at ``pose``; steps are damped only where they must be.
-
-    A position ``observed`` beforehand counts with its σ.
-    """
+def adjust_pose(bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40) -> Pose:
+    """Least-squares pose from n ≥ 3 points (n, 3), starting at ``pose``; steps are damped only where they must be."""
     damping = 0.0
-    residuals, design = _design(bundle, points, pose, observed)
+    residuals, design = pose_design(bundle, points, pose)
     for _ in range(iterations):
         normal = design.T @ design
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         damped = normal / np.outer(scale, scale) + damping * np.eye(6)
         step = -rotations.lstsq(damped, design.T @ residuals / scale, rcond=1e-15) / scale
         moved = Pose(pose.position + step[:3], rotate(pose.rotation, step[3:]))
-        new_residuals, new_design = _design(bundle, points, moved, observed)
+        new_residuals, new_design = pose_design(bundle, points, moved)
         before, after = float(residuals @ residuals), float(new_residuals @ new_residuals)
         range_ = float(np.max(np.abs(points - pose.position)))
         small = max(float(np.max(np.abs(step[:3]))) / range_, float(np.max(np.abs(step[3:])))) < 1e-10
@@ -76,20 +62,6 @@ def adjust_pose(
         if small or damping > 1e8 or 0.0 <= before - after <= 1e-13 * before:
             break
     return pose
-
-
-def _design(
-    bundle: Bundle, points: FloatArray, pose: Pose, observed: KnownPosition | None
-) -> tuple[FloatArray, FloatArray]:
-    residuals, design = pose_design(bundle, points, pose)
-    if observed is None:
-        return residuals, design
-    rows = np.zeros((3, 6))
-    rows[:, :3] = np.diag(1.0 / observed.sigma)
-    return (
-        np.concatenate([residuals, (pose.position - observed.place) / observed.sigma]),
-        np.concatenate([design, rows]),
-    )
 
 
 # ---- What became of a space resection, as data.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse
 
-from mor.start.bundle import direction_bundle, evenly, remembered
+from mor.start.bundle import direction_bundle, evenly
 from mor.start.free_station import PlanShape, StationOutcome, free_station_level, three_bundles
 from mor.start.image_pair import FEWEST as FITTING_FEWEST
 from mor.start.image_pair import (
@@ -186,7 +186,6 @@ def _of_two(
     return part
 
 
-@remembered
 def _with_least_slack(
     a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
 ) -> tuple[float, RobustOrientation] | RelativeOutcome:

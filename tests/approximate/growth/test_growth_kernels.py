@@ -1,28 +1,13 @@
-"""The compiled loops of the growth against their readable forms, and against truth."""
+"""Rays of many points, and frames that settle together, against truth."""
 
 import numpy as np
 import pytest
 
 from mor.model.rotations import rotate
-from mor.start.bundle import direction_bundle
-from mor.start.intersection import meet, meet_plainly, posed_frames
+from mor.start.intersection import meet, posed_frames
 from mor.start.local_adjustment import settle
 from mor.start.part import Frame, empty_part, sightings
-from mor.start.resection import KnownPosition, Pose, adjust_pose
 from mor.start.seeds import WINDOW, common_pairs
-
-
-def test_an_observed_position_holds_the_pose_with_its_weight(scenes):
-    """Position observed with a tiny σ: it is kept, and the attitude is the one that fits from there."""
-    made = scenes.scene(3, 0.005, n=20)
-    place, rotation = made.cameras[0]
-    bundle = direction_bundle(made.rays[0], 1e-4)
-    moved = place + 1e-3
-    held = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e-9)))
-    np.testing.assert_allclose(held.position, moved, atol=1e-9)
-    np.testing.assert_allclose(held.rotation @ held.rotation.T, np.eye(3), atol=1e-13)
-    free = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e6)))
-    np.testing.assert_allclose(free.position, adjust_pose(bundle, made.points, held).position, atol=1e-8)
 
 
 def frames_of(made, wrong=0):
@@ -55,23 +40,19 @@ def frames_of(made, wrong=0):
 
 
 @pytest.mark.parametrize("images", [2, 4])
-def test_rays_meet_alike_in_both_forms(scenes, images):
+def test_points_of_wrong_rays_or_none_are_not_good(scenes, images):
     for seed in range(10):
         made = scenes.scene(seed, n=20, images=images)
         frames = frames_of(made, wrong=5)
         seen = sightings(frames, 25)
         posed = posed_frames(dict(enumerate(made.cameras[:images])), images)
-        compiled = meet(np.arange(25), seen, posed, 5e-4)
-        plain = meet_plainly(np.arange(25), seen, posed, 5e-4)
-        np.testing.assert_array_equal(compiled.good, plain.good)
-        np.testing.assert_allclose(compiled.X[compiled.good], plain.X[plain.good], atol=1e-9)
-        assert compiled.good[5:20].all()
-        assert not compiled.good[20:].any()
-        np.testing.assert_allclose(compiled.X[5:20], made.points[5:], atol=1e-10)
+        found = meet(np.arange(25), seen, posed, 5e-4)
+        assert found.good[5:20].all()
+        assert not found.good[20:].any()
+        np.testing.assert_allclose(found.X[5:20], made.points[5:], atol=1e-10)
 
 
-@pytest.mark.parametrize("form", [meet, meet_plainly])
-def test_targets_at_several_heights_over_a_point_tell_one_place(scenes, form):
+def test_targets_at_several_heights_over_a_point_tell_one_place(scenes):
     """The mark itself from one station, a target above it from another: the rays do not meet, the point is one."""
     made = scenes.scene(1, n=12, images=3)
     poses = dict(enumerate(made.cameras))
@@ -81,18 +62,17 @@ def test_targets_at_several_heights_over_a_point_tell_one_place(scenes, form):
         away = made.points + np.outer(heights, [0.0, 0.0, 1.0]) - poses[number][0]
         away /= np.linalg.norm(away, axis=1, keepdims=True)
         frames.append(frame._replace(rays=away @ poses[number][1].T, heights=heights))
-    found = form(np.arange(12), sightings(frames, 12), posed_frames(poses, 3), 5e-4)
+    found = meet(np.arange(12), sightings(frames, 12), posed_frames(poses, 3), 5e-4)
     assert found.good.all()
     np.testing.assert_allclose(found.X, made.points, atol=1e-9)
 
 
-@pytest.mark.parametrize("form", [meet, meet_plainly])
-def test_one_wrong_ray_does_not_draw_a_point_away_from_the_others(scenes, form):
+def test_one_wrong_ray_does_not_draw_a_point_away_from_the_others(scenes):
     """Points of four rays or more: the mean of all rays lies where none agrees."""
     for seed in range(10):
         made = scenes.scene(seed, n=20, images=4)
         seen = sightings(frames_of(made, wrong=5), 20)
-        found = form(np.arange(20), seen, posed_frames(dict(enumerate(made.cameras)), 4), 5e-4)
+        found = meet(np.arange(20), seen, posed_frames(dict(enumerate(made.cameras)), 4), 5e-4)
         assert found.good.all()
         np.testing.assert_allclose(found.X, made.points, atol=1e-9)
 
