@@ -50,6 +50,7 @@ RULES: dict[str, tuple[Any, str, Any]] = {
     "first height of a network": (assembly, "begin_heights", False),
     "tilted stations as if level": (assembly, "place_as_if_level", False),
     "frames of few points at last": (assembly, "pose_the_rest", False),
+    "stations level with what they sight": (assembly, "stand_level_with_sights", False),
     "random restarts": (assembly, "from_random_places", None),
 }
 """Where each rule is called, and what it returns where it finds nothing."""

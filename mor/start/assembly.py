@@ -46,6 +46,7 @@ from mor.start.levelled import (
     grow_single_points,
     place_as_if_level,
     seed_distances,
+    stand_level_with_sights,
 )
 from mor.start.local_adjustment import (
     ENOUGH,
@@ -63,6 +64,7 @@ from mor.start.points_at_infinity import nearly_parallel
 from mor.start.pose_again import pose_again
 from mor.start.scene import (
     Scene,
+    direct_roughly,
     grow_relative,
     level_and_scale,
     level_roughly,
@@ -263,6 +265,8 @@ def assembled(network: Network, scene: Scene) -> Assembly:
             grow(parts[0], scene, FEWEST)
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         grow(parts[0], scene, FEWEST)
+    if stand_level_with_sights(parts[0], scene.terrestrial):
+        grow(parts[0], scene, FEWEST)
     return assembly
 
 
@@ -353,7 +357,7 @@ def _place_the_rest(assembly: Assembly) -> None:
 def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     """Return the last tie of a part to the object system, controlled or not; by all observations if they say more.
 
-    What nothing tells of the vertical it finds as well as it can.
+    What nothing tells of the vertical and the direction it finds as well as it can.
     """
     system, scene = assembly.parts[0], assembly.scene
     by_all = tie_by_observations(assembly.network, system, source, scene, 0)
@@ -362,6 +366,7 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
         if settles or not level_roughly(source, scene):
             return by_all
     level_roughly(source, scene)
+    direct_roughly(source, scene)
     return tie(system, source, scene)
 
 

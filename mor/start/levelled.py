@@ -253,6 +253,20 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
     return True
 
 
+def stand_level_with_sights(part: Part, measured: Terrestrial) -> bool:
+    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high."""
+    added = False
+    for sight in measured.sights:
+        heights = part.points[sight.points, 2]
+        told = np.isfinite(heights) & np.isfinite(sight.directions)
+        here = part.points[sight.position]
+        if np.isfinite(here[:2]).all() and np.isnan(here[2]) and told.any():
+            here[2] = np.median(heights[told]) - sight.height * part.scaled
+            part.how[f"point {sight.position}"] = rule("as high as what is sighted from it")
+            added = True
+    return added
+
+
 def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:
     """Heights from height differences, and from vertical directions over known horizontal distances."""
     h = measured.height_differences

@@ -32,6 +32,7 @@ from mor.start.sights import (
     Choices,
     PositionDifferences,
     Terrestrial,
+    bearing,
     frame_verticals,
     terrestrial,
 )
@@ -411,6 +412,21 @@ def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
         if high > low:
             lift += above - below
     return lift
+
+
+def direct_roughly(part: Part, scene: Scene) -> None:
+    """Turn a part about its Z axis so that the bearings between its points fit, whether or not it is upright."""
+    known = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
+    turns = []
+    for sight in scene.terrestrial.sights:
+        if sight.oriented and known[sight.position] and known[sight.points].all():
+            present = bearing(part.points[sight.position, :2], part.points[sight.points, :2])
+            turns.append(np.exp(1j * (sight.directions - present)))
+    if part.oriented or not turns:
+        return
+    turn = float(np.angle(np.mean(np.concatenate(turns))))
+    c, s = np.cos(turn), np.sin(turn)
+    part.transform(movement_by(rotation=np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
 def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray, FloatArray]:
