@@ -218,7 +218,8 @@ def local(count: int, scratch: Path | None = None) -> Iterator[ComputeCluster]:
         except (OSError, RuntimeError) as error:  # one was killed, no room for its folder
             reason = next(iter(str(error.__cause__ or error).splitlines()), type(error).__name__)
             raise InputError([Message(f"the workers cannot be started: {reason}")]) from None
-        yield ComputeCluster(client, Path(held.enter_context(TemporaryDirectory(prefix="workers-", dir=scratch))))
+        folder = held.enter_context(TemporaryDirectory(prefix="workers-", dir=scratch))
+        yield ComputeCluster(client, Path(folder).resolve())
 
 
 @contextmanager
