@@ -1,4 +1,4 @@
-"""Where things stand on a page, told by a browser that only prints what it has: no driver is needed.
+"""Look for what sticks out of a page or overlaps in it, with a browser that prints what it has drawn.
 
 The page is put into a frame of the wanted width, for windows of browsers are not narrower than some 500 px; a script
 that is added to it says what sticks out.
@@ -30,7 +30,7 @@ def browser() -> str | None:
 
 
 def problems(page: str, width: int, folder: Path, theme: str = "") -> dict[str, object]:
-    """What sticks out, overlaps or scrolls in a page that is ``width`` px wide; and how many names are drawn."""
+    """Return what sticks out, overlaps or scrolls in a page of ``width`` px, and how many names are drawn."""
     program = browser()
     assert program is not None
     script = _LOOK.read_text(encoding="utf-8").replace("THEME", json.dumps(theme))

@@ -450,7 +450,7 @@ def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
     # Columns whose tolerance is relative, and the least difference that is allowed.
     relative = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
     if key in relative:
-        return max(tolerance[key] * abs(reference), relative[key])
+        return max(tolerance[key] * abs(reference), min(tolerance[key], relative[key]))
     return float(tolerance[key])
 
 

@@ -255,7 +255,7 @@ def _narrowed(
     """Return the solution with weights of shrinking width, from the widest to the narrowest, until they settle."""
     parts = whole(problem) if parts is None else parts
     plan = make_plan(problem, eliminable_rays(problem, start))
-    # What has no image at these values (a ray behind a camera, say) is as far off as can be.
+    # What has no image at these values (a point where a camera stands, say) is as far off as can be.
     sizes = tuple(np.fmin(np.abs(found), 1e100) for found in normalised_misclosures(plan, start))
     place = _IterationState(start, sizes, _FIRST_DAMPING)
     scales = _scales(problem, place.sizes, parts)

@@ -197,9 +197,8 @@ def _tidy(place: Reservation) -> None:
     """Take away what is left of this run or of a killed one; an old folder that was aside comes back."""
     if place.old.is_dir() and not place.folder.exists():
         place.old.rename(place.folder)
-    for path in place.work.iterdir():
-        if path.is_dir():
-            shutil.rmtree(path, ignore_errors=True)
+    for path in (place.new, place.old, *place.work.glob("workers-*")):
+        shutil.rmtree(path, ignore_errors=True)
 
 
 def _locked(place: Reservation, said: Path) -> int:

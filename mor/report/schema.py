@@ -31,6 +31,13 @@ def keys_of(part: str) -> dict[str, Key]:
     return {**keys_of(like), **own} if like else own
 
 
+def missing(data: dict[str, Any]) -> list[str]:
+    """Keys that every ``results.json`` has, and this one has not."""
+    return [
+        name for name, key in keys_of("Results").items() if not key.type.startswith("optional ") and name not in data
+    ]
+
+
 def units_of(part: str, length: str, angle: str) -> dict[str, str]:
     """Unit of each column of a table that has one; ``unit`` where each row has its own."""
     units = {"length": length, "angle": angle, "unit": "unit"}

@@ -29,7 +29,7 @@ from mor.report.estimates import (
 )
 from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.observations import SCHEMA, check_rows, gross_errors, possible_causes, suspects
-from mor.report.schema import data_types
+from mor.report.schema import data_types, missing
 from mor.report.summary import SCHEMA_VERSION, summary
 from mor.report.units import points
 from mor.report.verdict import FILE, external_reliability, reliability_rows, verdict_rows
@@ -157,6 +157,8 @@ def view_of_folder(folder: Path) -> View:
             ]
         )
     try:
+        if missing(data) or not {"critical_w", "snooping_level"} <= data.keys():  # the two come with a solution
+            raise KeyError
         points, images = (_table(data, name, folder) for name in ("points", "images"))
         view = view_of_rows(data, points, images, _residuals(data, folder))
         if (folder / FILE).is_file():

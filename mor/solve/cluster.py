@@ -41,7 +41,7 @@ class ComputeCluster:
 
     client: Any
     folder: Path | None = None
-    """Folder that the workers see as well: what is large goes through files, which takes half as long as TLS."""
+    """Folder that the workers see as well: what is large goes through files in it, not through the scheduler."""
     idle_since: float | None = None
     """Since when nobody has been at work, though tasks are waited for."""
     kept: tuple[object, _Sent] | None = None

@@ -79,3 +79,13 @@ def test_a_wrong_type_does_not_fit(capsys: pytest.CaptureFixture[str]) -> None:
     data = results_of(SAMPLES / "stereo_rig" / "project.yaml", capsys)
     (found,) = mistakes({**data, "points": [{**data["points"][0], "rays": "3"}]})
     assert found.startswith("$.points")
+
+
+def test_results_without_a_key_are_not_complete(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "results"
+    run(["adjust", str(SAMPLES / "bridge" / "project.yaml"), "-o", str(folder), "--quiet", "--no-html"])
+    whole = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    for key in ("axes", "sigma0", "solution", "critical_w", "iteration_log"):
+        (folder / "results.json").write_text(json.dumps({name: whole[name] for name in whole if name != key}))
+        assert run(["report", str(folder), "-o", str(tmp_path / "page.html"), "-f"]) == 2
+        assert "these results are not complete" in capsys.readouterr().err

@@ -55,7 +55,7 @@ def test_aerial_blocks_on_five_control_points_name_all_that_can_be(errors, seed)
 
 @pytest.mark.slow
 def test_points_at_which_snooping_believed_the_wrong_rays_are_intersected_anew():
-    """Of five rays three good ones went out before two wrong ones; the plain iteration converges, without suspects."""
+    """Three good rays of five were excluded before the two wrong ones; plain least squares converges."""
     found = trial("close range", 0.1, 6004)
     assert found.plainly
     assert found.missed == 0
@@ -63,7 +63,7 @@ def test_points_at_which_snooping_believed_the_wrong_rays_are_intersected_anew()
 
 
 def test_what_can_be_named_is_told_by_nabla():
-    """Of an error 6.38 σ/√r is certain to be found; ∇ = 4.13 σ/√r is in 0.8 of all cases."""
+    """An error of ∇ = 4.13 σ/√r is found with a probability of 0.8, one of 6.38 σ/√r nearly always."""
     good = spoiled(0, "aerial", 0.0)
     group, truth = good.problem.groups[0], good.truth
     reliability = assess(adjust(good.problem, truth)).reliability[0]
