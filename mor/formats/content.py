@@ -93,7 +93,7 @@ class Content(NamedTuple):
         found = read_table(table, [*columns, *optional], place)
         if found is not None:
             for name, cells in found.texts.items():
-                refuse_control_characters(name, cells, found)
+                refuse_control_characters(name, cells.texts(), found)
         if place.problems or found is None:
             raise InputError(place.problems)
         for column in optional:
@@ -135,7 +135,7 @@ def refuse_control_characters(name: str, cells: pl.Series, rows: Rows) -> None:
 def _given(rows: Rows, name: str) -> int:
     if name in rows.numbers:
         return int(np.count_nonzero(np.nan_to_num(rows.numbers[name])))
-    return int((rows.texts[name] != "").sum()) if name in rows.texts else 0
+    return int((rows.series(name) != "").sum())
 
 
 def content_of(document: Document, folder: Path) -> Content:

@@ -19,7 +19,7 @@ from mor.project.axes import Edge
 from mor.project.document import Document
 from mor.project.network import build_network
 from mor.project.schema import Axes, Units
-from mor.project.tables import from_file, from_rows
+from mor.project.tables import raw_table
 from mor.types import FloatArray, IntArray
 
 # ---- Draw a project: points with their σ if results exist, images, lines of sight.
@@ -179,7 +179,7 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
         if entry.type not in _LINES:
             continue
         place = content.place("observations", number)
-        source = from_rows(entry, place) if entry.rows is not None else from_file(entry, {}, place)
+        source = raw_table(entry, place)
         if source is None or place.problems:
             raise InputError(place.problems)
         if not {"from", "to"} <= set(source.columns):

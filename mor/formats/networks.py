@@ -11,7 +11,7 @@ import polars as pl
 
 from mor.errors import InputError, Message
 from mor.formats.content import Content, ContentTable
-from mor.model.contract import ObservationType
+from mor.model.contract import ObservationType, coded
 from mor.model.geodetic import DEFLECTIONS, GEOID
 from mor.model.observation_types import PLAIN_TYPES
 from mor.project.network import Network, members_of, rows_of_covariance
@@ -100,7 +100,7 @@ def _between_points(
                     names[row], own = under[bare]
                     if not type_.between_marks and np.isnan(height[row]):
                         height[row] = own / content.edge.metres
-            texts[column], numbers[f"{column}_height"] = pl.Series(names, dtype=pl.String), height
+            texts[column], numbers[f"{column}_height"] = coded(pl.Series(names, dtype=pl.String)), height
             columns.append(names)
     ends = np.array([[len(set(row)) < len(columns)] for row in zip(*columns, strict=True)], dtype=bool)
     tell_rows(problems, ends.ravel(), group.rows, lambda row: f"point {columns[-1][row]!r} is observed from itself")

@@ -75,6 +75,10 @@ class Coded(NamedTuple):
         """(n,) as a column."""
         return self.known.gather(self.numbers)
 
+    def names(self) -> Names:
+        """The same with known names that Python has as texts."""
+        return Names(self.numbers.astype(np.int32, copy=False), tuple(self.known.to_list()))
+
     def expression(self, rows: IntArray) -> pl.Expr:
         """Some rows of it, for a table of as many."""
         return pl.lit(self.known).gather(pl.lit(pl.Series(self.numbers[rows])))
@@ -104,10 +108,10 @@ def one_name(text: str, count: int) -> Names:
     return Names(np.broadcast_to(np.zeros(1, dtype=np.int32), (count,)), (text,))
 
 
-def coded(texts: pl.Series) -> Names:
-    """Names of a column of texts: each different one is kept once, in the order in which it comes first."""
+def coded(texts: pl.Series) -> Coded:
+    """Texts (n,), none of them null: each different one is kept once, in the order in which it comes first."""
     known = texts.unique(maintain_order=True)
-    return Names(places(texts, known), tuple(known.to_list()))
+    return Coded(known, places(texts, known))
 
 
 def places(texts: pl.Series, known: pl.Series) -> SmallIntArray:

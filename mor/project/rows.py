@@ -377,7 +377,8 @@ def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names
     if space == "point":
         declare(reading, rows, column, ("point",))
     things = reading.shop.things[space]
-    found = places(rows.series(column), pl.Series(things.ids, dtype=pl.String))
+    texts, numbers = rows.coded(column)
+    found = places(texts, pl.Series(things.ids, dtype=pl.String))[numbers]
     if (found < 0).any() and space not in reading.broken:
         named = rows.names(column)
         known = np.ones(len(named.known), dtype=bool)

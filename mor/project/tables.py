@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time, timedelta
+from itertools import chain
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -16,12 +17,15 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted, nearest
 from mor.input_files import TABLE, as_utf8, check_regular, check_size, is_folder, limit, note_file, raise_it, read_bytes
-from mor.model.contract import Names, coded
+from mor.long_arrays import empty, kept
+from mor.model.contract import Coded, Names, coded, places
 from mor.project.axes import Edge, ImageScale, UnitError, beyond
 from mor.project.document import Document, KeyPath, plain_column
 from mor.project.schema import TableEntry, Value
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, Component, Quantity
+
+Part = TypeVar("Part", IntArray, SmallIntArray, FloatArray)
 
 # ---- What a table may contain, what was read from it, and where it stands.
 
@@ -83,10 +87,10 @@ class Source(Lines):
 
 @dataclass(frozen=True)
 class Rows(Lines):
-    """Columns read: identifiers as texts, numbers as floats in internal units, NaN if empty."""
+    """Columns read: identifiers, each different one kept once, and numbers in internal units, NaN if empty."""
 
     count: int
-    texts: dict[str, pl.Series]
+    texts: dict[str, Coded]
     numbers: dict[str, FloatArray]
 
     def text(self, name: str) -> list[str]:
@@ -94,15 +98,17 @@ class Rows(Lines):
         column: list[str] = self.series(name).to_list()
         return column
 
+    def coded(self, name: str) -> Coded:
+        """Identifiers of a column as they are kept, empty texts if it is missing."""
+        return self.texts[name] if name in self.texts else _one_text("", self.count)
+
     def series(self, name: str) -> pl.Series:
-        """Identifiers of a column as they are kept."""
-        if name in self.texts:
-            return self.texts[name]
-        return pl.repeat("", self.count, dtype=pl.String, eager=True)
+        """Identifiers of a column."""
+        return self.coded(name).texts()
 
     def names(self, name: str) -> Names:
         """Identifiers of a column, each different one kept once."""
-        return coded(self.series(name))
+        return self.coded(name).names()
 
     def number(self, name: str) -> FloatArray:
         """Numbers of a column, NaN if it is missing."""
@@ -110,7 +116,7 @@ class Rows(Lines):
 
     def take(self, chosen: IntArray) -> Rows:
         """Some of the rows."""
-        texts = {name: cells.gather(chosen) for name, cells in self.texts.items()}
+        texts = {name: Coded(known, numbers[chosen]) for name, (known, numbers) in self.texts.items()}
         numbers = {name: cells[chosen] for name, cells in self.numbers.items()}
         return Rows(self.lines[chosen], self.file, self.problems, len(chosen), texts, numbers)
 
@@ -438,8 +444,21 @@ def _text(cell: object) -> str:
 # ---- Where the rows of a table come from: the project file, CSV or Parquet, with declared or headed columns.
 
 
-def from_rows(table: TableEntry, place: TableLocation) -> Source:
-    """Rows that stand in the project file itself."""
+def raw_table(table: TableEntry, place: TableLocation) -> Source | None:
+    """A whole table as it stands in its file; ``None`` if mistakes were told instead."""
+    parts = list(_sources(table, {}, place))
+    if len(parts) < 2:
+        return parts[0] if parts else None
+    columns = {name: pl.concat([part.columns[name] for part in parts]) for name in parts[0].columns}
+    return replace(parts[0], lines=np.concatenate([part.lines for part in parts]), columns=columns)
+
+
+def _sources(table: TableEntry, known: dict[str, Column], place: TableLocation) -> Iterator[Source]:
+    """Rows of a table, long ones of Parquet in parts; none if mistakes were told instead."""
+    return _from_rows(table, place) if table.rows is not None else _from_file(table, known, place)
+
+
+def _from_rows(table: TableEntry, place: TableLocation) -> Iterator[Source]:
     declared = list(table.columns or [])
     rows = table.rows or []
     file = place.document.file_of(place.path)
@@ -452,41 +471,47 @@ def from_rows(table: TableEntry, place: TableLocation) -> Source:
         for k, name in enumerate(declared)
         if name
     }
-    return Source(lines, file, place.problems, [name for name in declared if name], columns)
+    yield Source(lines, file, place.problems, [name for name in declared if name], columns)
 
 
-def from_file(table: TableEntry, known: dict[str, Column], place: TableLocation) -> Source | None:
-    """Rows of a file beside the project; ``None`` if mistakes were told instead."""
+def _from_file(table: TableEntry, known: dict[str, Column], place: TableLocation) -> Iterator[Source]:
     frame = place.document.frame(str(table.file))
     if frame is not None:
         source = _from_frame(frame, table, place.document.file_of(place.path), place.problems)
         is_read = bool(place.document.lines)  # rows of what a reader of a file made are no lines of that file
-        return replace(source, lines=np.zeros_like(source.lines)) if is_read else source
+        yield replace(source, lines=np.zeros_like(source.lines)) if is_read else source
+        return
     path = place.folder / str(table.file)
     try:
         check_regular(path)
     except InputError as error:
         place.tell(f"file {table.file!r} {_words(error, path)}", "file")
-        return None
+        return
     try:
         if path.suffix == ".parquet":
-            lazy = pl.scan_parquet(path)
-            columns = len(lazy.collect_schema())
-            if columns > limit(COLUMNS):
-                raise InputError([Message(too_many_columns(columns), str(path))])
-            rows = lazy.select(pl.len()).collect().item()
-            # Bytes of a number, or of the reference to a text, in memory.
-            check_size(rows * columns * 8, path, TABLE)
-            note_file(path)
-            return _from_frame(lazy.collect(), table, str(path), place.problems)
-        if is_spreadsheet(path):
-            return _from_frame(read_spreadsheet(path, table.sheet), table, str(path), place.problems)
-        return from_text(read_bytes(path), table, known, str(path), place.problems)
+            yield from _from_parquet(path, table, place.problems)
+        elif is_spreadsheet(path):
+            yield _from_frame(read_spreadsheet(path, table.sheet), table, str(path), place.problems)
+        elif (text := from_text(read_bytes(path), table, known, str(path), place.problems)) is not None:
+            yield text
     except InputError as error:
         place.problems.extend(error.problems)
     except pl.exceptions.PolarsError as error:
         place.problems.append(Message(f"this file cannot be read: {str(error).splitlines()[0]}", str(path)))
-    return None
+
+
+def _from_parquet(path: Path, table: TableEntry, problems: list[Message]) -> Iterator[Source]:
+    lazy = pl.scan_parquet(path)
+    columns = len(lazy.collect_schema())
+    if columns > limit(COLUMNS):
+        raise InputError([Message(too_many_columns(columns), str(path))])
+    rows = lazy.select(pl.len()).collect().item()
+    # Bytes of a number, or of the reference to a text, in memory.
+    check_size(rows * columns * 8, path, TABLE)
+    note_file(path)
+    together = 2_000_000  # rows that are in memory together, as they stand in the file
+    for first in range(0, max(rows, 1), together):
+        yield _from_frame(lazy.slice(first, together).collect(), table, str(path), problems, first)
 
 
 def _words(error: InputError, path: Path) -> str:
@@ -496,14 +521,19 @@ def _words(error: InputError, path: Path) -> str:
     return said.removeprefix("this file ").removeprefix("this ") + near
 
 
-def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str, problems: list[Message]) -> Source:
-    """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
+def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str, problems: list[Message], before: int = 0) -> Source:
+    """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1.
+
+    So many rows of the file are ``before`` it.
+    """
     columns = {}
     for name in frame.columns:
         ours = our_name(table, name)
         if ours is not None:
             columns[ours] = frame[name]
-    return Source(np.arange(1, frame.height + 1, dtype=np.int32), file, problems, list(columns), columns)
+    return Source(
+        np.arange(before + 1, before + frame.height + 1, dtype=np.int32), file, problems, list(columns), columns
+    )
 
 
 # ---- Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units.
@@ -526,10 +556,11 @@ def read_table(table: TableEntry, columns: Sequence[Column], place: TableLocatio
     if isinstance(table.units, str) and not any(_fits(column, table.units) for column in columns):
         numbers = ", ".join(column.name for column in columns if column.parse is not None)
         place.tell(f"unit {table.units!r} fits none of the columns ({numbers})", "units")
-    source = from_rows(table, place) if table.rows is not None else from_file(table, known, place)
-    if source is None or len(place.problems) > before:
+    sources = _sources(table, known, place)
+    first = next(sources, None)
+    if first is None or len(place.problems) > before:
         return None
-    names = source.names
+    names = first.names
     for name in sorted({name for name in names if names.count(name) > 1}):
         place.tell(f"column {name!r} is given twice")
     missing = [c.name for c in columns if c.required and c.name not in names and c.name not in table.values]
@@ -539,7 +570,30 @@ def read_table(table: TableEntry, columns: Sequence[Column], place: TableLocatio
         place.tell(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}")
     if len(place.problems) > before:
         return None
-    return _convert(source, table, known, place)
+    parts = [_convert(source, table, known, place) for source in chain([first], sources)]
+    return None if len(place.problems) > before else _joined([part for part in parts if part is not None])
+
+
+def _joined(parts: list[Rows]) -> Rows:
+    """Rows of a table that was read in parts; columns are taken from the parts, one after the other."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    texts = {}
+    for name in list(first.texts):
+        own = [part.texts.pop(name) for part in parts]
+        known = pl.concat([one.known for one in own]).unique(maintain_order=True)
+        texts[name] = Coded(known, _end_to_end([kept(places(one.known, known)[one.numbers]) for one in own]))
+    numbers = {name: _end_to_end([part.numbers.pop(name) for part in parts]) for name in list(first.numbers)}
+    lines = _end_to_end([part.lines for part in parts])
+    return Rows(lines, first.file, first.problems, len(lines), texts, numbers)
+
+
+def _end_to_end(arrays: list[Part]) -> Part:
+    count = sum(map(len, arrays))
+    if all(0 in array.strides for array in arrays):
+        return np.broadcast_to(arrays[0][0], (count,))
+    return cast("Part", np.concatenate(arrays, out=empty(count, arrays[0].dtype)))
 
 
 def _convert(source: Source, table: TableEntry, known: dict[str, Column], place: TableLocation) -> Rows | None:
@@ -548,7 +602,7 @@ def _convert(source: Source, table: TableEntry, known: dict[str, Column], place:
     if count == 0:
         place.tell("the table is empty")
         return None
-    texts: dict[str, pl.Series] = {}
+    texts: dict[str, Coded] = {}
     numbers: dict[str, FloatArray] = {}
     for name, value in table.values.items():
         _constant(known[name], value, table, count, place, texts, numbers)
@@ -565,6 +619,8 @@ def _convert(source: Source, table: TableEntry, known: dict[str, Column], place:
             numbers[name] = _numbers(column, cells, table, source, place)
     if len(place.problems) > before:
         return None
+    texts = {name: Coded(found, kept(places)) for name, (found, places) in texts.items()}
+    numbers = {name: kept(cells) for name, cells in numbers.items()}
     return Rows(source.lines, source.file, source.problems, count, texts, numbers)
 
 
@@ -574,12 +630,12 @@ def _constant(
     table: TableEntry,
     count: int,
     place: TableLocation,
-    texts: dict[str, pl.Series],
+    texts: dict[str, Coded],
     numbers: dict[str, FloatArray],
 ) -> None:
     """A column with one value in every row; a mistake in it is one mistake, in the project file."""
     if column.parse is None:
-        texts[column.name] = pl.repeat(value, count, dtype=pl.String, eager=True)
+        texts[column.name] = _one_text(value, count)
         return
     at = place.at("values", column.name)
     try:
@@ -589,7 +645,11 @@ def _constant(
         return
     if column.name.startswith("sigma") and number < 0.0:
         at.tell(f"{column.name}: found {value}, expected a σ ≥ 0")
-    numbers[column.name] = np.full(count, number)
+    numbers[column.name] = np.broadcast_to(np.float64(number), (count,))
+
+
+def _one_text(text: str, count: int) -> Coded:
+    return Coded(pl.Series([text], dtype=pl.String), np.broadcast_to(np.int32(0), (count,)))
 
 
 def _unit_of(table: TableEntry, column: Column) -> str:
@@ -599,12 +659,14 @@ def _unit_of(table: TableEntry, column: Column) -> str:
     return table.unit_of(column.name)
 
 
-def _identifiers(column: Column, cells: pl.Series, source: Source) -> pl.Series:
-    result = cells.cast(pl.String).str.strip_chars().fill_null("")
+def _identifiers(column: Column, cells: pl.Series, source: Source) -> Coded:
+    as_given = coded(cells.cast(pl.String).fill_null(""))
+    known, numbers = coded(as_given.known.str.strip_chars())
+    result = Coded(known, numbers[as_given.numbers])
     if column.required:
-        source.tell_where((result == "").to_numpy(), f"{column.name} is empty")
-    broken = result.str.contains("[\n\r\\x00]").to_numpy()
-    source.tell_where(broken, lambda row: f"found {result[row]!r}, expected a name without line breaks")
+        source.tell_where((known == "").to_numpy()[result.numbers], f"{column.name} is empty")
+    broken = known.str.contains("[\n\r\\x00]").to_numpy()[result.numbers]
+    source.tell_where(broken, lambda row: f"found {known[result.numbers[row]]!r}, expected a name without line breaks")
     return result
 
 

@@ -445,7 +445,7 @@ def _shifts(
         place.tell(unknown_name("instrument", entry.instrument, known), "instrument")
         return None
     named = zip(rows.text("strip"), rows.text("trajectory"), strict=True)
-    strips, times = coded(pl.Series([own or name for own, name in named])), rows.number("time")
+    strips, times = coded(pl.Series([own or name for own, name in named])).names(), rows.number("time")
     given = getattr(known[entry.instrument], key) if entry.instrument else {}
     blocks, middles = np.zeros(rows.count, dtype=np.int64), np.zeros(rows.count)
     for k, strip in enumerate(strips.known):

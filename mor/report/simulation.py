@@ -35,7 +35,7 @@ from mor.project.entities import AT, said_thing
 from mor.project.network import Network
 from mor.project.rows import AIR
 from mor.project.schema import Observations
-from mor.project.tables import Source, TableLocation, from_file, from_rows
+from mor.project.tables import Source, TableLocation, raw_table
 from mor.report import layout
 from mor.report.adjusted_project import Given, Placed, Setting, adjusted_project, grids_moved, with_settings
 from mor.report.identity import RunIdentity, identity_of, schema_of
@@ -194,7 +194,7 @@ def _wrapped(group: ObservationGroup, component: int, given: FloatArray) -> Floa
 def _raw(document: Document, source: Path, section: str, number: int, entry: Observations) -> Source:
     """The table of an entry as it stands there; it has been read before, so that it has no mistakes."""
     at = TableLocation(document, (section, number), source)
-    found = from_rows(entry, at) if entry.rows is not None else from_file(entry, {}, at)
+    found = raw_table(entry, at)
     assert found is not None
     return found
 
