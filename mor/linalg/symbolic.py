@@ -314,6 +314,24 @@ class Elimination(NamedTuple):
         """Order of the largest front."""
         return int(self.orders.max(initial=0))
 
+    @property
+    def most_waiting(self) -> int:
+        """Numbers that wait for other fronts at a time: updates for their parent, or inverses for their children."""
+        fronts, row_counts = np.arange(self.fronts), np.diff(self.row_pointers)
+        children = np.flatnonzero(self.parent >= 0)
+        parents, first_child = self.parent[children], fronts.copy()
+        np.minimum.at(first_child, parents, children)
+        most = 0
+        for begin, end, size in (
+            (children, parents, row_counts[children] ** 2),
+            (first_child, fronts, self.orders**2),
+        ):
+            change = np.zeros(self.fronts + 1, dtype=np.int64)
+            np.add.at(change, begin, size)
+            np.subtract.at(change, end + 1, size)
+            most = max(most, int(np.cumsum(change).max(initial=0)))
+        return most
+
 
 def analyse(structure: BlockStructure) -> Elimination:
     """Return the plan of the Cholesky factorisation of matrices with this pattern."""

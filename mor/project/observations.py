@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from mor.errors import nearest
-from mor.long_arrays import kept
+from mor.long_arrays import empty, kept
 from mor.model.cameras import CAMERA_MODELS, CameraModel
 from mor.model.contract import Names, ObservationGroup, ObservationType, SetUpSigmas, Slot
 from mor.model.coordinates import to_projection_centres
@@ -62,7 +62,7 @@ from mor.project.trajectories import (
     navigation_columns,
     navigation_groups,
 )
-from mor.types import LARGEST, FloatArray, IntArray, SmallIntArray
+from mor.types import LARGEST, FloatArray, IntArray, SmallIntArray, pieces
 from mor.units import IMAGE, LENGTH, Component, Quantity
 
 # ---- Groups of image coordinates: split by camera model, converted when the camera is known.
@@ -114,7 +114,7 @@ def image_groups(
     keys = kinds.astype(np.int32)[image.numbers]
     result = []
     for key in np.unique(keys):
-        chosen = np.flatnonzero(keys == key)
+        chosen = kept(np.flatnonzero(keys == key))
         group = _image_group(reading, entry, number, rows, place, _taken(image, chosen), _taken(point, chosen), chosen)
         result += [replace(group, epochs=epochs[chosen])] if group is not None else []
     return result
@@ -280,13 +280,14 @@ def _image_values(
 
     if unit("x") != unit("y"):
         raise UnitError("x and y must have the same unit")
-    xy = np.stack([rows.number("x")[chosen], rows.number("y")[chosen]], axis=1)
-    common = rows.number("sigma")[chosen] * scale.factor(unit("sigma"))
-    sigma = np.stack(
-        [own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common) for c in "xy"],
-        axis=1,
-    )
-    return scale.inwards(xy, unit("x")), sigma, np.full(2, scale.factor(unit("sigma")))
+    xy, sigma = empty((len(chosen), 2)), empty((len(chosen), 2))
+    for some in pieces(len(chosen), 1_000_000):
+        part = rows.take(chosen[some])
+        xy[some] = scale.inwards(np.stack([part.number("x"), part.number("y")], axis=1), unit("x"))
+        common = part.number("sigma") * scale.factor(unit("sigma"))
+        own = (part.number(f"sigma_{c}") * scale.factor(unit(f"sigma_{c}")) for c in "xy")
+        sigma[some] = np.stack([own_or_common(one, common) for one in own], axis=1)
+    return xy, sigma, np.full(2, scale.factor(unit("sigma")))
 
 
 # ---- Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows, whitened_rows
 from mor.quality.test_statistics import CONTROLLED, LEVEL, ROWS_AT_A_TIME, log_p_chi2, log_p_f, log_p_normal, sidak
 from mor.solve.problem import Problem
-from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray, pieces
+from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, pieces
 
 # ---- Which observations belong together: by table, image, camera, station, set, instrument, local system.
 #
@@ -521,10 +522,8 @@ class _Membership(NamedTuple):
 
     of: str
     names: Sequence[str]
-    rows: SmallIntArray
-    """(k,) rows, counted through all groups."""
-    classes: SmallIntArray
-    """(k,)"""
+    parts: Callable[[], Iterator[tuple[IntArray, AnyIntArray]]]
+    """Some rows (k,) at a time, counted through all groups, and the numbers (k,) of what they refer to."""
 
 
 def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagged, ...]:
@@ -543,7 +542,7 @@ def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagg
         if best is None:
             break
         one, number, rows = best
-        mine = one.rows[one.classes == number]
+        mine = np.concatenate([some[things == number] for some, things in one.parts()])
         hit = int(np.count_nonzero(flagged[mine] & counted[mine]))
         of, name = one.of, one.names[number]
         if of == "point":  # or a projection centre
@@ -556,34 +555,42 @@ def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagg
 
 def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
     problem = quality.adjustment.problem
-    first = np.concatenate([[0], np.cumsum([group.count for group in problem.groups])])
     several = sets_beside_others(network)
     for partition in partitions(problem, network):
         # the only set of a station is that station
         counted = np.array([partition.of != "set" or name in several for name in partition.names], dtype=bool)
-        rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
-        for k in range(len(problem.groups)):
-            own = partition.of_rows(k, slice(None))
-            if own is not None:
-                here = np.flatnonzero((own >= 0) & counted[own])
-                rows.append((first[k] + here).astype(np.int32))
-                classes.append(own[here].astype(np.int32))
-        yield _Membership(partition.of, partition.names, np.concatenate(rows), np.concatenate(classes))
+        yield _Membership(partition.of, partition.names, partial(_of_partition, problem.groups, partition, counted))
     if "point" in problem.index.blocks:
-        yield _of_points(problem.groups, first, problem.index.blocks["point"].ids)
+        yield _Membership("point", problem.index.blocks["point"].ids, partial(_of_points, problem.groups))
 
 
-def _of_points(groups: Sequence[ObservationGroup], first: IntArray, ids: Sequence[str]) -> _Membership:
-    rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
+def _pieces_of_groups(groups: Sequence[ObservationGroup]) -> Iterator[tuple[int, slice, int]]:
+    """Number of a group, some of its rows, and the number of the first of them."""
+    first = 0
     for k, group in enumerate(groups):
-        points = group.blocks_of("point")
+        for some in pieces(group.count, 1_000_000):
+            yield k, some, first + some.start
+        first += group.count
+
+
+def _of_partition(
+    groups: Sequence[ObservationGroup], partition: Partition, counted: BoolArray
+) -> Iterator[tuple[IntArray, AnyIntArray]]:
+    for k, some, first in _pieces_of_groups(groups):
+        own = partition.of_rows(k, some)
+        if own is not None:
+            here = np.flatnonzero((own >= 0) & counted[own])
+            yield first + here, own[here]
+
+
+def _of_points(groups: Sequence[ObservationGroup]) -> Iterator[tuple[IntArray, AnyIntArray]]:
+    for k, some, first in _pieces_of_groups(groups):
+        points = [blocks[some] for blocks in groups[k].blocks_of("point")]
         for i, blocks in enumerate(points):
-            new = np.ones(group.count, dtype=bool)  # a row counts once for each point
+            new = np.ones(len(blocks), dtype=bool)  # a row counts once for each point
             for before in points[:i]:
                 new &= before != blocks
-            rows.append((first[k] + np.flatnonzero(new)).astype(np.int32))
-            classes.append(blocks[new].astype(np.int32))
-    return _Membership("point", ids, np.concatenate(rows), np.concatenate(classes))
+            yield first + np.flatnonzero(new), blocks[new]
 
 
 def _clearest(
@@ -594,8 +601,10 @@ def _clearest(
     best: tuple[float, int, _Membership, int] | None = None
     tests = 0
     for one in memberships:
-        n = np.bincount(one.classes, weights=counted[one.rows], minlength=len(one.names))
-        k = np.bincount(one.classes, weights=flagged[one.rows], minlength=len(one.names))
+        n, k = np.zeros((2, len(one.names)), dtype=np.int64)
+        for rows, things in one.parts():
+            n += np.bincount(things[counted[rows]], minlength=len(n))
+            k += np.bincount(things[flagged[rows]], minlength=len(k))
         tests += int(np.count_nonzero(n))
         some = np.flatnonzero((k >= _AT_LEAST) & (n < whole))
         if not len(some):

@@ -43,7 +43,7 @@ from mor.report.units import (
     said_attitudes,
     said_places,
 )
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 from mor.units import ANGLE_UNITS, IMAGE
 
 # ---- Error ellipses and ellipsoids of points, and those of the differences of pairs of points.
@@ -182,7 +182,7 @@ def point_table(solved: Solved) -> pl.DataFrame:
     things = solved.network.things["point"]
     numbers = things.parts["position"]
     rays, others = _observations_of_points(solved)
-    columns: dict[str, Any] = {"id": list(things.ids), **_estimated(solved, numbers)}
+    columns: dict[str, Any] = {"id": list(things.ids)}
     columns["rays"] = rays[numbers]
     columns["others"] = others[numbers]
     columns |= control_of_points(solved, numbers)
@@ -196,24 +196,24 @@ def point_table(solved: Solved) -> pl.DataFrame:
         status = np.where(np.isin(numbers, list(network.directions)), 4, status)
     statuses = ("fixed", "partly fixed", "free", "left out", "at infinity")
     columns["status"] = pl.Series(statuses).gather(status)
+    beside = _frame(columns)
+    # The covariances of some points are in memory at a time.
+    parts = [_estimated(solved, numbers[some]) for some in pieces(max(len(numbers), 1), ROWS_AT_A_TIME)]
+    return pl.concat([beside.select("id"), pl.concat(parts), beside.drop("id")], how="horizontal")
+
+
+def _estimated(solved: Solved, numbers: IntArray) -> pl.DataFrame:
+    """Coordinates, σ, ellipsoids and correlations of points."""
+    estimate = points(solved, numbers)
+    columns = _with_sigma(estimate, XYZ)
+    for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
+        columns[f"ellipsoid_{name}"] = axis
+    columns |= ellipse_columns(solved, estimate.covariance, len(estimate.values))
+    columns |= _correlations_of_axes(estimate)
+    absent = np.isnan(estimate.values).all(axis=1)
+    if absent.any():
+        columns = {name: np.where(absent, np.nan, column) for name, column in columns.items()}
     return _frame(columns)
-
-
-def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
-    """Coordinates, σ, ellipsoids and correlations of points: their covariances are in memory a piece at a time."""
-    parts = []
-    for first in range(0, max(len(numbers), 1), ROWS_AT_A_TIME):
-        estimate = points(solved, numbers[first : first + ROWS_AT_A_TIME])
-        columns = _with_sigma(estimate, XYZ)
-        for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
-            columns[f"ellipsoid_{name}"] = axis
-        columns |= ellipse_columns(solved, estimate.covariance, len(estimate.values))
-        columns |= _correlations_of_axes(estimate)
-        absent = np.isnan(estimate.values).all(axis=1)
-        if absent.any():
-            columns = {name: np.where(absent, np.nan, column) for name, column in columns.items()}
-        parts.append({name: np.array(column) for name, column in columns.items()})
-    return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
 
 
 def free_rows(points: pl.DataFrame) -> pl.DataFrame:

@@ -618,7 +618,7 @@ def largest_piece(pointers: IntArray, rays: int) -> int:
 
 
 @compile_kernel
-def by_point_and_frame(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, IntArray]:
+def by_point_and_frame(point: SmallIntArray, frame: SmallIntArray, points: int) -> tuple[IntArray, IntArray]:
     """Return pointers (points+1,) and the order of the rays by point, then by frame; points < 0 are left out."""
     pointers = np.zeros(points + 1, dtype=np.int64)
     for i in range(point.size):
@@ -642,7 +642,9 @@ def by_point_and_frame(point: IntArray, frame: IntArray, points: int) -> tuple[I
 
 
 @compile_kernel
-def local_numbers(frame: IntArray, first: IntArray, frames: int, local: SmallIntArray) -> tuple[IntArray, IntArray]:
+def local_numbers(
+    frame: SmallIntArray, first: IntArray, frames: int, local: SmallIntArray
+) -> tuple[IntArray, IntArray]:
     """Number the frames of each chunk from 0, in order of first appearance.
 
     ``first`` (c+1,) are the chunks' first rays; sets ``local`` (n,). Returns pointers (c+1,) and the frames of each

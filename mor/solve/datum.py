@@ -12,7 +12,7 @@ import numpy as np
 from mor.model import rotations
 from mor.model.parameters import Index, Values, move
 from mor.solve.problem import DatumDefinition, Problem, linearise, rotation_tangents
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import BoolArray, FloatArray, IntArray, pieces
 
 # ---- Null directions inside a network, made as short to tell as they can be: which unknowns nothing determines.
 #
@@ -440,19 +440,21 @@ def _counts(problem: Problem, bodies: Mapping[str, IntArray], count: int) -> tup
     """Rows and observed components (bodies,) that refer to each body."""
     rows, entries = np.zeros((2, count), dtype=np.int64)
     for group in problem.groups:
-        observed = np.count_nonzero(group.used, axis=1)
-        earlier: list[IntArray] = []
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind not in bodies:
-                continue
-            mine = bodies[slot.kind][numbers]
-            fresh = mine >= 0
-            for other in earlier:
-                fresh &= other != mine
-            rows += np.bincount(mine[fresh], minlength=count)
-            weighted = np.bincount(mine[fresh], weights=observed[fresh], minlength=count)
-            entries += weighted.astype(np.int64)
-            earlier.append(mine)
+        used = group.used
+        for some in pieces(group.count, 1_000_000):
+            observed = np.count_nonzero(used[some], axis=1)
+            earlier: list[IntArray] = []
+            for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+                if slot.kind not in bodies:
+                    continue
+                mine = bodies[slot.kind][numbers[some]]
+                fresh = mine >= 0
+                for other in earlier:
+                    fresh &= other != mine
+                rows += np.bincount(mine[fresh], minlength=count)
+                weighted = np.bincount(mine[fresh], weights=observed[fresh], minlength=count)
+                entries += weighted.astype(np.int64)
+                earlier.append(mine)
     return rows, entries
 
 

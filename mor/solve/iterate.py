@@ -665,11 +665,11 @@ def _of_rays(rays: Rays, weight: FloatArray, sizes: FloatArray, of_points: Float
 def memory_of_adjustment(plan: Plan) -> float:
     """Bytes that iterations and statistics take beside what is there when the plan is made."""
     elimination = plan.elimination
-    rows = np.diff(elimination.row_pointers)
-    factor = float(np.sum(elimination.pivots * (elimination.pivots + rows)))
     others = sum(len(row_set.rows) for row_set in plan.row_sets)
-    # The factor and its selected inverse in the same fronts; the dense front of a parent and the update it gets.
-    dense = 8 * (2 * factor + 2 * float(elimination.largest_front) ** 2)
+    # The factor, and fronts that wait for others; the dense front of a parent and the update it gets.
+    factor = float(elimination.pivots @ elimination.orders)
+    waiting = 0.0 if is_limited() else factor + elimination.most_waiting
+    dense = 8 * (waiting + 3 * float(elimination.largest_front) ** 2)
     kernels = 30e6 if len(plan.rays.row) else 0.0  # compiled passes over rays, which are loaded when they are needed
     # Bytes of an image point, and of another row: derivatives, residuals, and what is kept of their quality. With long
     # arrays in files mostly what is kept of the object point of an image point.
@@ -892,6 +892,7 @@ def _converged(state: Adjustment) -> Adjustment:
         defect=replace(state.defect, datum=datum),
         constraint=constraint(datum, state.problem, state.inverse.values),
         stride=Stride(np.zeros(0)),
+        secants=NOTHING_LEARNT,
         normals=state.normals.spent(),
     )
 

@@ -204,9 +204,21 @@ def _cliques_of_points(rays: RayPlan, reduced: IntArray, block_of: IntArray) -> 
     """Blocks that the rays of each eliminated point meet together (repetitions allowed); equal points once."""
     counts, blocks = _cliques(reduced_columns(rays.frames.columns, reduced), block_of)
     starts = np.cumsum(counts) - counts
-    frame = rays.frame_of_ray
-    # Points (k,) such that every combination of frames that sees a point occurs, seldom more than once.
-    pointers = rays.pointers
+    lengths, members = [], []
+    for chunk in rays.chunks:
+        frame = chunk.frames[rays.frame[chunk.rays]]
+        pointers = rays.pointers[chunk.points.start : chunk.points.stop + 1] - chunk.rays.start
+        distinct = _different_combinations(frame, pointers)
+        degree = np.diff(pointers)[distinct]
+        chosen = frame[ranges(pointers[distinct], degree)]
+        members.append(blocks[ranges(starts[chosen], counts[chosen])])
+        ends = np.concatenate([[0], np.cumsum(counts[chosen])])[np.concatenate([[0], np.cumsum(degree)])]
+        lengths.append(np.diff(ends))
+    return np.concatenate(lengths).astype(np.int64), np.concatenate(members)
+
+
+def _different_combinations(frame: IntArray, pointers: IntArray) -> IntArray:
+    """Points (k,) such that every combination of frames that sees a point occurs, seldom more than once."""
     mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (frame.astype(np.uint64) << np.uint64(31))
     keys = np.add.reduceat(mixed * (mixed | np.uint64(1)), pointers[:-1])
     # Two combinations with the same sum of 64-bit keys and the same number of rays, first and last frame: never seen.
@@ -214,12 +226,7 @@ def _cliques_of_points(rays: RayPlan, reduced: IntArray, block_of: IntArray) -> 
     order = np.lexsort(table)
     first = np.ones(len(order), dtype=bool)
     first[1:] = (np.diff(table[:, order], axis=1) != 0).any(axis=0)
-    distinct = np.sort(order[first])
-    degree = np.diff(rays.pointers)[distinct]
-    chosen = frame[ranges(rays.pointers[distinct], degree)]
-    members = blocks[ranges(starts[chosen], counts[chosen])]
-    ends = np.concatenate([[0], np.cumsum(counts[chosen])])[np.concatenate([[0], np.cumsum(degree)])]
-    return np.diff(ends).astype(np.int64), members
+    return np.sort(order[first])
 
 
 def reduced_blocks(problem: Problem, kept: IntArray, rays: RayPlan) -> tuple[IntArray, IntArray, IntArray]:

@@ -90,7 +90,7 @@ def _form(group: ObservationGroup) -> tuple[int, int, int] | None:
     return None
 
 
-def compiled_along(group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int) -> CompiledAlong | None:
+def compiled_along(group: ObservationGroup, rows: AnyIntArray, frame: AnyIntArray, frames: int) -> CompiledAlong | None:
     """Return the arguments of the kernels for a group; ``None`` without a compiled form for it."""
     form = _form(group)
     if form is None:
@@ -266,38 +266,38 @@ def is_ray(group: ObservationGroup) -> bool:
     return slot.kind == "point" and slot.of == "point" and len(group.type.components) == 2
 
 
-def numbered(blocks: list[IntArray]) -> tuple[IntArray, IntArray]:
+def numbered(blocks: list[IntArray]) -> tuple[SmallIntArray, IntArray]:
     """Number the distinct columns of blocks (slots, n): numbers (n,) and the distinct ones (slots, f)."""
     n = len(blocks[0])
-    number = np.zeros(n, dtype=np.int64)
+    number = np.zeros(n, dtype=np.int32)
     count = min(n, 1)
     for block in blocks:
-        representative = np.zeros(count, dtype=np.int64)
+        representative = np.zeros(count, dtype=block.dtype)
         representative[number] = block
         if np.array_equal(representative[number], block):
             continue
-        number, count = _renumbered(number * (int(block.max()) + 1) + block)
+        number, count = _renumbered(number * np.int64(int(block.max()) + 1) + block)
     found = np.zeros((len(blocks), count), dtype=np.int64)
     for slot, block in enumerate(blocks):
         found[slot, number] = block
     return number, found
 
 
-def _renumbered(keys: IntArray) -> tuple[IntArray, int]:
+def _renumbered(keys: IntArray) -> tuple[SmallIntArray, int]:
     """Keys (n,) numbered from 0, ascending, and how many there are; without sorting where they are dense."""
     largest = int(keys.max())
     if largest > 8 * len(keys) + 1_000_000:
         distinct, number = np.unique(keys, return_inverse=True)
-        return number.astype(np.int64), len(distinct)
+        return number.astype(np.int32), len(distinct)
     present = np.zeros(largest + 1, dtype=bool)
     present[keys] = True
-    place = np.cumsum(present) - 1
+    place = np.cumsum(present, dtype=np.int32) - np.int32(1)
     return place[keys], int(place[-1]) + 1
 
 
 def group_frames(
-    number: int, first: int, group: ObservationGroup, index: Index, rows: IntArray
-) -> tuple[IntArray, GroupFrames]:
+    number: int, first: int, group: ObservationGroup, index: Index, rows: AnyIntArray
+) -> tuple[SmallIntArray, GroupFrames]:
     """Frame of each of the rows (n,), counted from 0, and the frames of a group."""
     frame, blocks = numbered([block[rows] for block in group.blocks[:-1]])
     slots = tuple(
@@ -321,7 +321,7 @@ def _together(group: ObservationGroup) -> tuple[tuple[int, int], ...]:
 
 
 def _compiled_model(
-    group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int
+    group: ObservationGroup, rows: AnyIntArray, frame: AnyIntArray, frames: int
 ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
     """Number of the compiled camera model, its constant for each frame, the clock, and the weights of knots."""
     r0, clock, none = np.zeros(frames), np.zeros((frames, 3)), np.zeros((frames, 0, 0))
@@ -586,9 +586,10 @@ class RayPlan(NamedTuple):
 
     def rows_of_group(self, number: int) -> AnyIntArray:
         """Rows of a group that are rays of eliminated points."""
-        if len(self.frames.groups) == 1 and self.frames.groups[0].group == number:
+        groups = {own.group for own in self.frames.groups}
+        if groups <= {number}:
             return self.row
-        return self.row[self.group_of_frame[self.frame_of_ray] == number] if len(self.row) else self.row
+        return self.row[self.group_of_frame[self.frame_of_ray] == number] if number in groups else self.row[:0]
 
     def together(self, groups: Sequence[ObservationGroup]) -> Iterator[tuple[str, IntArray]]:
         """Blocks (2, f) of the frames that go together, and the kind of the first: with a rotation, the second."""
@@ -600,23 +601,25 @@ class RayPlan(NamedTuple):
 def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
     """Sort the rays of the points (numbers of point blocks) by point and cut them into chunks."""
     index, groups = problem.index, problem.groups
-    place = np.full(len(index.blocks["point"].ids) if "point" in index.blocks else 0, -1, dtype=np.int64)
+    place = np.full(len(index.blocks["point"].ids) if "point" in index.blocks else 0, -1, dtype=np.int32)
     place[points] = np.arange(len(points))
     found: list[GroupFrames] = []
-    parts: list[tuple[IntArray, IntArray, IntArray]] = []
+    parts: list[tuple[SmallIntArray, SmallIntArray, SmallIntArray]] = []
     first = 0
     for number, group in enumerate(groups):
-        rows = np.flatnonzero(place[group.blocks[-1]] >= 0) if is_ray(group) and len(points) else points[:0]
+        if not is_ray(group) or not len(points):
+            continue
+        rows = np.flatnonzero(place[group.blocks[-1]] >= 0).astype(np.int32)
         if len(rows) == 0:
             continue
         frame, own = group_frames(number, first, group, index, rows)
         found.append(own)
-        parts.append((rows, place[group.blocks[-1][rows]], frame + first))
+        parts.append((rows, place[group.blocks[-1][rows]], frame + np.int32(first)))
         first += own.count
-    none = np.zeros(0, dtype=np.int64)
+    none = np.zeros(0, dtype=np.int32)
     row, point, frame = parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
     pointers, order = _order(point, frame, len(points))
-    row, frame = kept(row.astype(np.int32)[order]), frame[order]
+    row, frame = kept(row[order]), frame[order]
     frames = all_frames(tuple(found), groups, index)
     group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
     local, chunks = _chunks(pointers, frame, first)
@@ -626,7 +629,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
     return RayPlan(points, columns, pointers, row, local, frames, group_of_frame, measured, chunks)
 
 
-def _order(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, IntArray]:
+def _order(point: SmallIntArray, frame: SmallIntArray, points: int) -> tuple[IntArray, IntArray]:
     if compilation.wanted():
         pointers, order = clique_kernels.by_point_and_frame(point, frame, points)
         return pointers, order
@@ -634,7 +637,7 @@ def _order(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, Int
     return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), np.lexsort((frame, point))
 
 
-def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntArray, tuple[Chunk, ...]]:
+def _chunks(pointers: IntArray, frame: SmallIntArray, frames: int) -> tuple[SmallIntArray, tuple[Chunk, ...]]:
     bounds = [0]
     while bounds[-1] < len(pointers) - 1:
         last = int(np.searchsorted(pointers, pointers[bounds[-1]] + RAYS_AT_A_TIME, side="right")) - 1
@@ -654,7 +657,11 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntA
 
 
 def _measured(
-    groups: tuple[ObservationGroup, ...], frames: list[GroupFrames], frame: IntArray, row: SmallIntArray, longest: int
+    groups: tuple[ObservationGroup, ...],
+    frames: list[GroupFrames],
+    frame: SmallIntArray,
+    row: SmallIntArray,
+    longest: int,
 ) -> Measurements:
     """Measurements in the order of the rays; ``longest`` is the number of rays of the largest chunk."""
     if len(frames) == 1:
