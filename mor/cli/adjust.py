@@ -310,12 +310,14 @@ def rows_of_parquet(path: Path) -> int:
 def look_ahead(document: Document, folder: Path) -> None:
     """By the sizes of the tables: refuse what memory cannot hold, begin to load what many observations will need."""
     from mor.linalg.compilation import WORTH_COMPILING, load_ahead
+    from mor.long_arrays import is_limited
     from mor.machine import check_room
 
     files = [path for name in document.table_files() if (path := folder / name).is_file()]
     size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
-    # A byte of a CSV table takes 5 in memory, its rows as arrays and its texts; a row of a Parquet table takes 190.
-    room = 5 * size + 0 * sum(map(rows_of_parquet, files))
+    # A byte of a CSV table takes 5 in memory, its rows as arrays and its texts; a row of a Parquet table takes 150, or
+    # 100 where long arrays are in files.
+    room = 5 * size + (100 if is_limited() else 150) * sum(map(rows_of_parquet, files))
     check_room(float(room), "reading the tables", "fewer observations at a time")
     # An observation takes at most 60 bytes of the CSV tables, its points among them.
     if size >= 60 * WORTH_COMPILING:
