@@ -11,8 +11,12 @@ import pytest
 
 from mor.api.pipeline import read_document, read_network
 from mor.errors import InputError, nearest
+from mor.project.axes import Edge
+from mor.project.document import Document
 from mor.project.network import Network
-from mor.project.tables import _without_comments
+from mor.project.schema import Axes, TableEntry, Units
+from mor.project.tables import Column, TableLocation, _without_comments, number_column, raw_table, read_table
+from mor.units import LENGTH
 from tests.mistakes import mistakes
 from tests.scenarios.small_projects import BLOCK, block, table, write_block
 
@@ -92,6 +96,36 @@ def test_rows_of_parquet_files_count_from_1(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         network(project)
     assert "rays.parquet:3: point 'nowhere' does not exist" in str(caught.value)
+
+
+def test_parquet_tables_that_are_read_in_parts_are_whole(tmp_path: Path) -> None:
+    count = 2_000_003
+    number = np.arange(count)
+    names = pl.Series("id", number % 7).cast(pl.String)
+    frame = pl.DataFrame({"id": names, "x": number.astype(float), "y": pl.Series(number % 2).cast(pl.String)})
+    columns = [Column("id", required=True), *(number_column(name, LENGTH, Edge(Units(), Axes())) for name in "xyz")]
+    entry = TableEntry(file="rows.parquet", values={"z": "3"})
+    place = TableLocation(Document({}, {}, "project.yaml"), ("points", 0), tmp_path)
+    frame.write_parquet(tmp_path / "rows.parquet")
+    rows = read_table(entry, columns, place)
+    assert rows is not None
+    assert rows.count == count
+    assert rows.names("id").known == tuple("0123456")
+    np.testing.assert_array_equal(rows.names("id").numbers, number % 7)
+    np.testing.assert_array_equal(rows.number("x"), number)
+    np.testing.assert_array_equal(rows.lines, number + 1)
+    np.testing.assert_array_equal(rows.number("y"), number % 2)
+    assert rows.number("z")[-1] == 3.0
+    raw = raw_table(entry, place)
+    assert raw is not None
+    assert raw.columns["x"][-1] == count - 1
+
+    last = pl.int_range(pl.len()) == count - 1
+    frame.with_columns(pl.when(last).then(pl.lit("")).otherwise("id").alias("id")).write_parquet(
+        tmp_path / "rows.parquet"
+    )
+    assert read_table(entry, columns, place) is None
+    assert [str(problem).split("rows.parquet:")[1] for problem in place.problems] == [f"{count}: id is empty"]
 
 
 def test_an_unknown_column_of_a_file_is_refused(tmp_path: Path) -> None:
