@@ -285,7 +285,8 @@ def accept(state: Adjustment, regular: FloatArray, weak: FloatArray, shift: Floa
     if full is not None and not (curved and change**2 > _round_off_of_sum(state)):
         return full
     if full is None and shift.any():
-        shifted = _as_a_whole(state, moved_by(state.plan, state.values, regular + weak), shift)
+        step = _without_movement(state, regular + weak)
+        shifted = _as_a_whole(state, moved_by(state.plan, state.values, step), whole - step)
         if objective(state.plan, shifted) <= _limit(state):
             return Taken(shifted, 0.0, 1.0)
     if full is None and weak.any():
@@ -770,8 +771,9 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
     if settings.gone:
+        step_of_shape = _without_movement(state, regular + weak)
         for gone, reason in zip(
-            _gone(state, regular + weak), ("points have moved to infinity", PAST_CAMERAS), strict=True
+            _gone(state, step_of_shape), ("points have moved to infinity", PAST_CAMERAS), strict=True
         ):
             if len(gone):
                 return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
@@ -803,6 +805,20 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
     return _converged(moved) if over else moved
+
+
+def _without_movement(state: Adjustment, step: FloatArray) -> FloatArray:
+    """The step (u,) without a movement of the whole network, the shortest one in units of what determines unknowns.
+
+    Which unknowns are anchored then has no influence: with those of a far point, all others would move in its place.
+    """
+    null, kept = state.defect.datum, state.plan.kept
+    if null.shape[1] == 0:
+        return step
+    seen = state.problem.index.columns["point"][state.plan.seen_points[0]]
+    root = np.where(np.isin(kept, seen), 0.0, np.sqrt(state.normals.diagonal))
+    movement = rotations.lstsq(root[:, None] * null[kept], root * step[kept], rcond=1e-12)
+    return np.asarray(step - null @ movement)
 
 
 def _swings(state: Adjustment, shift: FloatArray, change: float) -> bool:
