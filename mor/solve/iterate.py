@@ -825,11 +825,12 @@ def _swings(state: Adjustment, shift: FloatArray, change: float) -> bool:
     """True where the datum alone is missed, by far, after steps that are nothing: the way into it bends too much."""
     last = state.iterations[-3:]
     bends = state.problem.datum.movements is None and state.problem.datum.mask.get("point") is not None
-    if not bends or len(last) < 3 or max(change, *(one.largest_change for one in last)) > ACCURACY:
+    # Steps of a thousandth of σ do not move a network out of its datum by as much as that.
+    if not bends or len(last) < 3 or max(change, *(one.largest_change for one in last)) > 1e-3:
         return False
     size = float(np.ptp(state.values["point"], axis=0).max())
     # From this part of the extent of a network, steps that shrink with their squares lead it into its datum.
-    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > 1e-6 * size
+    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > 1e-3 * size
 
 
 def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
