@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.linalg import compilation
-from mor.linalg.cholesky import threads_for
+from mor.linalg.cholesky import NotFiniteError, threads_for
 from mor.long_arrays import is_limited, kept
 from mor.machine import check_room
 from mor.model import rotations
@@ -717,7 +717,11 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         and (without_progress(state.iterations) < settings.max_iterations or settles(state.iterations))
         and len(state.iterations) < 2 * settings.max_iterations
     ):
-        before, state = len(state.iterations), _advance(state, settings)
+        before = len(state.iterations)
+        try:
+            state = _advance(state, settings)
+        except NotFiniteError:
+            return state._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
         if watch is not None and len(state.iterations) > before:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
