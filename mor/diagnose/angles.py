@@ -523,25 +523,24 @@ def scored_readings(network: Network, states: Sequence[Values]) -> tuple[ScoredH
         if not any(cost > 1.0 for cost in plain.values()):  # all sights fit as they were read
             return ()
         for cause, table, line, pairs in readings:
-            better: dict[str, tuple[bool, float, float]] = {}
+            better: list[tuple[tuple[str, ...], bool, float, float]] = []
             for frame, rays in pairs:
-                if plain[frame.name] > 1.0:
-                    cost, upright = _misfit_among(frame, rays, values["point"])
-                    squares = len(frame.points) * float(np.exp(plain[frame.name]) - np.exp(cost))
-                    if squares > 0.0:
-                        better[frame.name] = not upright, cost - plain[frame.name], squares
-            for some in [tuple(better)] if 0 < len(better) == len(pairs) else [(name,) for name in better]:
-                fallen = [better[name] for name in some]
-                rank = any(one[0] for one in fallen), float(np.mean([one[1] for one in fallen]))
-                # Mean ln by which squared misfits of sights have to be smaller.
-                if rank[1] > -1.0 or (cause == "image flipped" and len(some) < len(pairs)):
-                    continue
-                things = (table,) if len(some) == len(pairs) else (some[0].partition(" ")[2], table)
-                gain = sum(one[2] for one in fallen)
+                before = plain[frame.name]
+                after, upright = _misfit_among(frame, rays, values["point"]) if before > 1.0 else (np.inf, True)
+                if after < before:
+                    squares = len(frame.points) * float(np.exp(before) - np.exp(after))
+                    better.append(((frame.name.partition(" ")[2], table), not upright, after - before, squares))
+            if len(better) == len(pairs) > 0:
+                turned, by, squares = np.array([one[1:] for one in better]).T
+                better = [((table,), bool(turned.any()), float(by.mean()), float(squares.sum()))]
+            elif cause == "image flipped":
+                continue
+            for things, upside_down, by_all, gain in better:
                 log10_p = float(log_p_chi2(gain, 1) / np.log(10.0))
                 scored = ScoredHypothesis(cause, things, line.format(things[0]), gain, 0, log10_p, None)
-                if (cause, things) not in found or rank < found[cause, things][0]:
-                    found[cause, things] = rank, scored
+                # Mean ln by which squared misfits of sights have to be smaller.
+                if by_all < -1.0 and (upside_down, by_all) < found.get((cause, things), ((True, 0.0), scored))[0]:
+                    found[cause, things] = (upside_down, by_all), scored
     return tuple(scored for _, scored in sorted(found.values(), key=lambda pair: pair[0])[:2])
 
 
@@ -552,9 +551,8 @@ _Reading = tuple[str, str, str, list[tuple[Frame, FloatArray]]]
 def _of_circles(network: Network) -> Iterator[_Reading]:
     changed = network
     for number, group in enumerate(network.groups):
-        columns = [k for k, c in enumerate(group.type.components) if c.name in ("zenith", "zenith_angle")]
-        if columns:
-            change = _on_circle(lambda angles: 0.5 * np.pi - angles, columns)
+        if group.type.key == "zenith_directions":
+            change = _on_circle(lambda angles: 0.5 * np.pi - angles, [1])
             changed = with_observed(changed, number, np.arange(group.count), change)
     both = list(zip(theodolite_frames(network), theodolite_frames(changed), strict=True))
     for group in network.groups:
@@ -563,8 +561,12 @@ def _of_circles(network: Network) -> Iterator[_Reading]:
             pairs = sorted((p for p in both if p[0].name in names), key=lambda pair: -len(pair[0].points))[:6]
             sense = [(one, one.rays * _MIRROR) for one, _ in pairs]
             yield "circle sense", group.name, "observations, {}: axes: {{angles: …}}", sense
-            elevations = [(one, other.rays) for one, other in pairs]
-            yield "elevation for zenith", group.name, "observations, {}: type: directions", elevations
+            yield (
+                "elevation for zenith",
+                group.name,
+                "observations, {}: type: directions",
+                [(one, other.rays) for one, other in pairs],
+            )
 
 
 def _of_images(network: Network) -> Iterator[_Reading]:
