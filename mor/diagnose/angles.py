@@ -47,7 +47,6 @@ from mor.units import ANGLE_UNITS
 _BAD = 0.5
 """Part of the rows of a station that do not fit, from which on its circle is looked at."""
 _UNITS = ("gon", "deg", "rad")
-_MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def circle_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -516,7 +515,7 @@ def scored_readings(network: Network, states: Sequence[Values]) -> tuple[ScoredH
     the ``states`` with their sights as they were read and otherwise. That needs no pose, no scale and no adjustment.
     """
     found: dict[tuple[str, tuple[str, ...]], tuple[tuple[bool, float], ScoredHypothesis]] = {}
-    readings = [*_of_circles(network), *_of_images(network)]
+    readings = list(_readings(network))
     frames = {frame.name: frame for *_, pairs in readings for frame, _ in pairs}
     for values in states:
         plain = {name: _misfit_among(frame, frame.rays, values["point"])[0] for name, frame in frames.items()}
@@ -541,6 +540,13 @@ def scored_readings(network: Network, states: Sequence[Values]) -> tuple[ScoredH
                 # Mean ln by which squared misfits of sights have to be smaller.
                 if by_all < -1.0 and (upside_down, by_all) < found.get((cause, things), ((True, 0.0), scored))[0]:
                     found[cause, things] = (upside_down, by_all), scored
+    # If images and circles contradict each other as mirror images do, either may be read wrongly.
+    opposite = {"circle sense": "image flipped", "image flipped": "circle sense"}
+    for (cause, things), (rank, scored) in list(found.items()):
+        for other, table, line, pairs in readings if len(things) == 1 else ():
+            if pairs and other == opposite.get(cause):
+                rival = scored._replace(cause=other, things=(table,), line=line.format(table))
+                found.setdefault((other, (table,)), ((rank[0], 0.5 * rank[1]), rival))
     return tuple(scored for _, scored in sorted(found.values(), key=lambda pair: pair[0])[:2])
 
 
@@ -548,8 +554,8 @@ _Reading = tuple[str, str, str, list[tuple[Frame, FloatArray]]]
 """Cause, table or camera, line to try it, and some frames with their rays (n, 3) in the other reading."""
 
 
-def _of_circles(network: Network) -> Iterator[_Reading]:
-    changed = network
+def _readings(network: Network) -> Iterator[_Reading]:
+    changed, images, mirror = network, network.things["image"], np.array([-1.0, 1.0, 1.0])
     for number, group in enumerate(network.groups):
         if group.type.key == "zenith_directions":
             change = _on_circle(lambda angles: 0.5 * np.pi - angles, [1])
@@ -559,23 +565,15 @@ def _of_circles(network: Network) -> Iterator[_Reading]:
         if group.type.key in ("directions", "zenith_directions"):
             names = {f"station {name}" for name in group.references[0].rows_of_each()}
             pairs = sorted((p for p in both if p[0].name in names), key=lambda pair: -len(pair[0].points))[:6]
-            sense = [(one, one.rays * _MIRROR) for one, _ in pairs]
+            sense = [(one, one.rays * mirror) for one, _ in pairs]
             yield "circle sense", group.name, "observations, {}: axes: {{angles: …}}", sense
-            yield (
-                "elevation for zenith",
-                group.name,
-                "observations, {}: type: directions",
-                [(one, other.rays) for one, other in pairs],
-            )
-
-
-def _of_images(network: Network) -> Iterator[_Reading]:
-    images = network.things["image"]
+            elevations = [(one, other.rays) for one, other in pairs]
+            yield "elevation for zenith", group.name, "observations, {}: type: directions", elevations
     frames = sorted(image_frames(network), key=lambda frame: -len(frame.points))
     for k, camera in enumerate(network.things["camera"].ids if frames else ()):
         mine = {f"image {images.ids[i]}" for i in np.flatnonzero(images.parts["camera"] == k)}
-        few = [(frame, frame.rays * _MIRROR) for frame in frames if frame.name in mine][:3]
-        yield "image flipped", camera, "{}: coordinates: … (y)", few
+        few = [(frame, frame.rays * mirror) for frame in frames if frame.name in mine][:3]
+        yield "image flipped", camera, "cameras, {}: coordinates: … (y)", few
 
 
 def _misfit_among(frame: Frame, rays: FloatArray, points: FloatArray) -> tuple[float, bool]:
