@@ -424,7 +424,8 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         quality, suspects = put_back(quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again)
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
-    possible = (*_other_readings(adjusted), *_possible_causes(quality, network, tests, suspects))[:3]
+    found = [*_other_readings(adjusted), *_possible_causes(quality, network, tests, suspects)]
+    possible = tuple({(one.cause, one.things): one for one in found}.values())[:3]
     iterate = settings.variance_components == "iterate"
     quality, treatment = treat(
         quality,
