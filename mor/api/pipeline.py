@@ -404,7 +404,7 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         if not known:
             adjustment = with_fitting_reason(adjustment, bool(network.untied))
             adjustment = _too_weak(adjustment, levels(settings)) or adjustment
-        return Solved(network, adjustment, None)
+        return Solved(network, adjustment, None, possible_causes=_other_readings(adjusted))
     check_minimal(network, adjustment)
     done = assessing(effort(adjustment)) if assessing is not None else None
     aposteriori = settings.sigma == "aposteriori"
@@ -424,7 +424,8 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         quality, suspects = put_back(quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again)
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
-    possible = _possible_causes(quality, network, tests, suspects)
+    found = [*_other_readings(adjusted), *_possible_causes(quality, network, tests, suspects)]
+    possible = tuple({(one.cause, one.things): one for one in found}.values())[:3]
     iterate = settings.variance_components == "iterate"
     quality, treatment = treat(
         quality,
@@ -461,6 +462,18 @@ def _possible_causes(
     with np.errstate(all="ignore"):
         found = score_tests_with_suspects(quality, network, suspects) if suspects is not None else ()
         return found or (score_tests(quality, network) if rejected else ())
+
+
+def _other_readings(adjusted: _Adjusted) -> tuple[ScoredHypothesis, ...]:
+    """Other readings of circles and images, if the plain adjustment led to no sensible solution."""
+    attempt = adjusted.attempt
+    if attempt.robust is None and (attempt.adjustment.outcome.is_solution or not attempt.adjustment.iterations):
+        return ()
+    from mor.diagnose.angles import scored_readings  # loading it takes its time
+
+    states = [adjusted.start, attempt.robust, attempt.adjustment.values]
+    with np.errstate(all="ignore"):
+        return scored_readings(adjusted.network, [values for values in states if values is not None])
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -33,7 +33,12 @@ from mor.project.network import Network
 from mor.project.rows import group_name
 from mor.quality.outliers import costs_of_sizes
 from mor.quality.plausibility import look_like_elevations
+from mor.quality.solution import ScoredHypothesis
+from mor.quality.test_statistics import log_p_chi2
 from mor.solve.problem import misclosures
+from mor.start.bundle import direction_bundle, evenly, misfits, samples
+from mor.start.part import Frame, image_frames, loosened, theodolite_frames
+from mor.start.resection import resect_three_points
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
@@ -497,3 +502,97 @@ def _hypothesis_of_frame(
         recomputed=recomputed,
         afresh=True,
     )
+
+
+# ---- Other readings of all sights of a frame, judged by whether it can be placed among the points at all.
+
+
+def scored_readings(network: Network, states: Sequence[Values]) -> tuple[ScoredHypothesis, ...]:
+    """Return up to two other readings of circles and images with which their sights meet the points far better.
+
+    An adjustment bends a network whose directions or images are read wrongly, but start values or graduated weights
+    often keep the shape of its points, or its mirror image. Stations and images are resected from the points of each of
+    the ``states`` with their sights as they were read and otherwise. That needs no pose, no scale and no adjustment.
+    """
+    found: dict[tuple[str, tuple[str, ...]], tuple[tuple[bool, float], ScoredHypothesis]] = {}
+    readings = list(_readings(network))
+    frames = {frame.name: frame for *_, pairs in readings for frame, _ in pairs}
+    for values in states:
+        plain = {name: _misfit_among(frame, frame.rays, values["point"])[0] for name, frame in frames.items()}
+        if not any(cost > 1.0 for cost in plain.values()):  # all sights fit as they were read
+            return ()
+        for cause, table, line, pairs in readings:
+            better: list[tuple[tuple[str, ...], bool, float, float]] = []
+            for frame, rays in pairs:
+                before = plain[frame.name]
+                after, upright = _misfit_among(frame, rays, values["point"]) if before > 1.0 else (np.inf, True)
+                if after < before:
+                    squares = len(frame.points) * float(np.exp(before) - np.exp(after))
+                    better.append(((frame.name.partition(" ")[2], table), not upright, after - before, squares))
+            if len(better) == len(pairs) > 0:
+                turned, by, squares = np.array([one[1:] for one in better]).T
+                better = [((table,), bool(turned.any()), float(by.mean()), float(squares.sum()))]
+            elif cause == "image flipped":
+                continue
+            for things, upside_down, by_all, gain in better:
+                log10_p = float(log_p_chi2(gain, 1) / np.log(10.0))
+                scored = ScoredHypothesis(cause, things, line.format(things[0]), gain, 0, log10_p, None)
+                # Mean ln by which squared misfits of sights have to be smaller.
+                if by_all < -1.0 and (upside_down, by_all) < found.get((cause, things), ((True, 0.0), scored))[0]:
+                    found[cause, things] = (upside_down, by_all), scored
+    # If images and circles contradict each other as mirror images do, either may be read wrongly.
+    opposite = {"circle sense": "image flipped", "image flipped": "circle sense"}
+    for (cause, things), (rank, scored) in list(found.items()):
+        for other, table, line, pairs in readings if len(things) == 1 else ():
+            if pairs and other == opposite.get(cause):
+                rival = scored._replace(cause=other, things=(table,), line=line.format(table))
+                found.setdefault((other, (table,)), ((rank[0], 0.5 * rank[1]), rival))
+    return tuple(scored for _, scored in sorted(found.values(), key=lambda pair: pair[0])[:2])
+
+
+_Reading = tuple[str, str, str, list[tuple[Frame, FloatArray]]]
+"""Cause, table or camera, line to try it, and some frames with their rays (n, 3) in the other reading."""
+
+
+def _readings(network: Network) -> Iterator[_Reading]:
+    changed, images, mirror = network, network.things["image"], np.array([-1.0, 1.0, 1.0])
+    for number, group in enumerate(network.groups):
+        if group.type.key == "zenith_directions":
+            change = _on_circle(lambda angles: 0.5 * np.pi - angles, [1])
+            changed = with_observed(changed, number, np.arange(group.count), change)
+    both = list(zip(theodolite_frames(network), theodolite_frames(changed), strict=True))
+    for group in network.groups:
+        if group.type.key in ("directions", "zenith_directions"):
+            names = {f"station {name}" for name in group.references[0].rows_of_each()}
+            pairs = sorted((p for p in both if p[0].name in names), key=lambda pair: -len(pair[0].points))[:6]
+            sense = [(one, one.rays * mirror) for one, _ in pairs]
+            yield "circle sense", group.name, "observations, {}: axes: {{angles: …}}", sense
+            elevations = [(one, other.rays) for one, other in pairs]
+            yield "elevation for zenith", group.name, "observations, {}: type: directions", elevations
+    frames = sorted(image_frames(network), key=lambda frame: -len(frame.points))
+    for k, camera in enumerate(network.things["camera"].ids if frames else ()):
+        mine = {f"image {images.ids[i]}" for i in np.flatnonzero(images.parts["camera"] == k)}
+        few = [(frame, frame.rays * mirror) for frame in frames if frame.name in mine][:3]
+        yield "image flipped", camera, "cameras, {}: coordinates: … (y)", few
+
+
+def _misfit_among(frame: Frame, rays: FloatArray, points: FloatArray) -> tuple[float, bool]:
+    """Mean ln(1 + (v/σ)²) of up to 20 sights of a frame, posed by the best three of their points.
+
+    The second is False if the frame is upside down. Of fewer than 6 sights to known points nothing is told: NaN.
+    """
+    targets = points[frame.points] + np.outer(frame.heights, [0.0, 0.0, 1.0])
+    known = evenly(np.flatnonzero(np.isfinite(targets).all(axis=1)), 20)
+    if len(known) < 6:
+        return np.nan, True
+    targets = targets[known] - targets[known].mean(axis=0)
+    # Radians by which points may be off beside the σ of the rays.
+    bundle = direction_bundle(rays[known], loosened(frame.sigma[known], 5e-4))
+    triples = next(samples(len(known), 3, 30, 30, np.random.default_rng(1841)))
+    poses = resect_three_points(targets[triples], bundle.rays[triples], nearly=True)
+    if not len(poses.positions):
+        return np.nan, True
+    star = np.einsum("mij,mnj->mni", poses.rotations, targets - poses.positions[:, None])
+    costs = np.log1p(np.fmin(misfits(bundle, star), 1e3) ** 2).mean(axis=1)
+    best = int(np.argmin(costs))
+    return float(costs[best]), not poses.rotations[best, :, 2] @ frame.up < 0.0

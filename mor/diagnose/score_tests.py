@@ -93,7 +93,8 @@ def score_tests(
     """Return up to three mistakes that would explain what the tests of an adjustment reject, the best first.
 
     They are possible causes, not verified ones. A mistake is named if its test rejects at the family-wise level
-    ``LEVEL`` and it explains more than the worst single observation does, or as much with one parameter.
+    ``LEVEL`` and it explains more than the worst single observation does, or as much with one parameter, or almost as
+    much with none: a definite mistake is not linear.
     ``doubtful`` are the rows (n,) of each group that single mistakes are looked for in; by default those that the
     tests of single observations flag.
     """
@@ -106,7 +107,8 @@ def score_tests(
     scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     limit = float(np.log(LEVEL / count))
     worst, least = _single(quality)
-    good = [one for one in scored if one.length > least or (one.freedom == 1 and one.gain >= worst)]
+    enough = {False: least, True: 0.95 * least}
+    good = [one for one in scored if one.length > enough[one.freedom == 0] or (one.freedom == 1 and one.gain >= worst)]
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
     good += [one for one in (*joined, *_sigmas(quality)) if one.length > least]

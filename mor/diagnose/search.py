@@ -131,6 +131,7 @@ _FAMILIES: dict[str, Family] = {
     "target height": height_hypotheses,
     "set-ups exchanged": scored_frame_hypotheses,
     "images exchanged": scored_frame_hypotheses,
+    "image flipped": image_hypotheses,
     "image scale": camera_constant_hypotheses,
     "camera of images": other_camera_hypotheses,
     "circle sense": circle_hypotheses,
