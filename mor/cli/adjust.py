@@ -317,10 +317,12 @@ def look_ahead(document: Document, folder: Path) -> None:
     size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
     # A byte of a CSV table takes 5 in memory, its rows as arrays and its texts; a row of a Parquet table takes 150, or
     # 100 where long arrays are in files.
-    room = 5 * size + (100 if is_limited() else 150) * sum(map(rows_of_parquet, files))
-    check_room(float(room), "reading the tables", "fewer observations at a time")
-    # An observation takes at most 60 bytes of the CSV tables, its points among them.
-    if size >= 60 * WORTH_COMPILING:
+    rows = sum(map(rows_of_parquet, files))
+    check_room(
+        float(5 * size + (100 if is_limited() else 150) * rows), "reading the tables", "fewer observations at a time"
+    )
+    # An observation takes at most 60 bytes of the CSV tables, or two rows of Parquet, its points among them.
+    if size + 30 * rows >= 60 * WORTH_COMPILING:
         load_ahead()
 
 

@@ -141,24 +141,28 @@ def _decided(observations: int, times: int) -> bool:
                         return False
                     _say.get()(COMPILING)
                     _compile_apart()
-                # Take all kernels from the cache; raises where it is not whole.
-                folder = _folder()
-                damaged = "the cache of kernels is damaged, mor compile renews it: {file}"
-                for name, checksum in json.loads((folder / _SEAL).read_text()).items():
-                    if _checksum(folder / name) != checksum:
-                        raise _UnusableError(damaged.format(file=folder / name))
-                with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
-                    os.utime(folder)
-                for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):
-                    kernel = getattr(import_module(module), name)
-                    for signature in signatures:
-                        kernel.in_numba.compile(signature)
-                _state.append("")
+                _load()
             except Exception as error:  # noqa: BLE001 - whatever Numba or its cache raises: NumPy does the same
                 _state.append(reason_of(error))
     if _state[0]:
         _say.get()(FAILED, reason=_state[0])
     return not _state[0]
+
+
+def _load() -> None:
+    """Take all kernels from the cache; raises where it is not whole."""
+    folder = _folder()
+    damaged = "the cache of kernels is damaged, mor compile renews it: {file}"
+    for name, checksum in json.loads((folder / _SEAL).read_text()).items():
+        if _checksum(folder / name) != checksum:
+            raise _UnusableError(damaged.format(file=folder / name))
+    with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
+        os.utime(folder)
+    for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):
+        kernel = getattr(import_module(module), name)
+        for signature in signatures:
+            kernel.in_numba.compile(signature)
+    _state.append("")
 
 
 _state: list[str] = []
@@ -244,17 +248,18 @@ def compile_inline(function: Callable[Parameters, Result]) -> Kernel[Parameters,
 
 
 def load_ahead() -> None:
-    """Import the compiler in a thread of its own, for a project that looks as if it were worth it.
+    """Load kernels in a thread of its own, for a project that looks as if it were worth it.
 
-    That takes some tenths of a second, in which the caller reads tables: most of it is done outside of the interpreter.
+    That takes a second, in which the caller reads tables: most of it is done outside of the interpreter.
     """
     if available and os.environ.get(ASKED) != "numpy" and _is_there():
-        Thread(target=_imported_or_not, name="compiler").start()
+        Thread(target=_loaded_or_not, name="kernels").start()
 
 
-def _imported_or_not() -> None:
-    with suppress(Exception):  # who needs it is told
-        _numba()
+def _loaded_or_not() -> None:
+    with suppress(Exception), _lock:  # who needs them is told
+        if not _state and _is_sealed():
+            _load()
 
 
 def _numba() -> Any:
