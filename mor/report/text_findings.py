@@ -59,15 +59,18 @@ def hypothesis_section(solved: Solved, words: Words) -> str:
     """The possible causes, the best first, with a line to try each of them."""
     rows = possible_causes(solved)
     note = words(
-        "These are score tests at the solution, not verified: run mor diagnose. "
+        "These are tests without a further adjustment, not verified: run mor diagnose. "
         "Look at the measurements before you change anything."
     )
     return scored(rows, words, note) if rows else ""
 
 
 def scored(rows: list[dict[str, Any]], words: Words = ENGLISH, note: str = "") -> str:
-    """Possible causes by score tests, the best first."""
-    lines = [heading(words("Possible causes")), note or words("These are score tests at the solution, not verified.")]
+    """Possible causes, the best first."""
+    lines = [
+        heading(words("Possible causes")),
+        note or words("These are tests without a further adjustment, not verified."),
+    ]
     for number, row in enumerate(rows, 1):
         lines += [f"{number}. {sentence(row, words)}", f"   {decrease(row, words)}"]
         lines.append("   " + words("to try it: {line}", line=row["line"]))
