@@ -531,9 +531,8 @@ def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str, problems: lis
         ours = our_name(table, name)
         if ours is not None:
             columns[ours] = frame[name]
-    return Source(
-        np.arange(before + 1, before + frame.height + 1, dtype=np.int32), file, problems, list(columns), columns
-    )
+    lines = np.arange(before + 1, before + frame.height + 1, dtype=np.int32)
+    return Source(lines, file, problems, list(columns), columns)
 
 
 # ---- Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units.
@@ -666,7 +665,9 @@ def _identifiers(column: Column, cells: pl.Series, source: Source) -> Coded:
     if column.required:
         source.tell_where((known == "").to_numpy()[result.numbers], f"{column.name} is empty")
     broken = known.str.contains("[\n\r\\x00]").to_numpy()[result.numbers]
-    source.tell_where(broken, lambda row: f"found {known[result.numbers[row]]!r}, expected a name without line breaks")
+    source.tell_where(
+        broken, lambda row: f"found {known[int(result.numbers[row])]!r}, expected a name without line breaks"
+    )
     return result
 
 

@@ -11,7 +11,7 @@ TEXTS = ["b", "a", "b", "", "é", "a"]
 
 
 def test_they_read_like_texts() -> None:
-    names = coded(pl.Series(TEXTS))
+    names = coded(pl.Series(TEXTS)).names()
     assert names.known == ("b", "a", "", "é")
     assert list(names) == TEXTS
     assert [names[k] for k in range(len(names))] == TEXTS
