@@ -473,7 +473,8 @@ def _other_readings(adjusted: _Adjusted) -> tuple[ScoredHypothesis, ...]:
 
     states = [adjusted.start, attempt.robust, attempt.adjustment.values]
     with np.errstate(all="ignore"):
-        return scored_readings(adjusted.network, [values for values in states if values is not None])
+        network = adjusted.network.original or adjusted.network
+        return scored_readings(network, [values for values in states if values is not None])
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
