@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.linalg import compilation
-from mor.linalg.cholesky import NotFiniteError, threads_for
+from mor.linalg.cholesky import threads_for
 from mor.long_arrays import is_limited, kept
 from mor.machine import check_room
 from mor.model import rotations
@@ -285,8 +285,7 @@ def accept(state: Adjustment, regular: FloatArray, weak: FloatArray, shift: Floa
     if full is not None and not (curved and change**2 > _round_off_of_sum(state)):
         return full
     if full is None and shift.any():
-        step = _without_movement(state, regular + weak)
-        shifted = _as_a_whole(state, moved_by(state.plan, state.values, step), whole - step)
+        shifted = _as_a_whole(state, moved_by(state.plan, state.values, regular + weak), shift)
         if objective(state.plan, shifted) <= _limit(state):
             return Taken(shifted, 0.0, 1.0)
     if full is None and weak.any():
@@ -717,11 +716,7 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         and (without_progress(state.iterations) < settings.max_iterations or settles(state.iterations))
         and len(state.iterations) < 2 * settings.max_iterations
     ):
-        before = len(state.iterations)
-        try:
-            state = _advance(state, settings)
-        except NotFiniteError:
-            return state._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
+        before, state = len(state.iterations), _advance(state, settings)
         if watch is not None and len(state.iterations) > before:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
@@ -775,9 +770,8 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
     if settings.gone:
-        step_of_shape = _without_movement(state, regular + weak)
         for gone, reason in zip(
-            _gone(state, step_of_shape), ("points have moved to infinity", PAST_CAMERAS), strict=True
+            _gone(state, regular + weak), ("points have moved to infinity", PAST_CAMERAS), strict=True
         ):
             if len(gone):
                 return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
@@ -811,30 +805,15 @@ def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
     return _converged(moved) if over else moved
 
 
-def _without_movement(state: Adjustment, step: FloatArray) -> FloatArray:
-    """The step (u,) without a movement of the whole network, the shortest one in units of what determines unknowns.
-
-    Which unknowns are anchored then has no influence: with those of a far point, all others would move in its place.
-    """
-    null, kept = state.defect.datum, state.plan.kept
-    if null.shape[1] == 0:
-        return step
-    seen = state.problem.index.columns["point"][state.plan.seen_points[0]]
-    root = np.where(np.isin(kept, seen), 0.0, np.sqrt(state.normals.diagonal))
-    movement = rotations.lstsq(root[:, None] * null[kept], root * step[kept], rcond=1e-12)
-    return np.asarray(step - null @ movement)
-
-
 def _swings(state: Adjustment, shift: FloatArray, change: float) -> bool:
     """True where the datum alone is missed, by far, after steps that are nothing: the way into it bends too much."""
     last = state.iterations[-3:]
     bends = state.problem.datum.movements is None and state.problem.datum.mask.get("point") is not None
-    # Steps of a thousandth of σ do not move a network out of its datum by as much as that.
-    if not bends or len(last) < 3 or max(change, *(one.largest_change for one in last)) > 1e-3:
+    if not bends or len(last) < 3 or max(change, *(one.largest_change for one in last)) > ACCURACY:
         return False
     size = float(np.ptp(state.values["point"], axis=0).max())
     # From this part of the extent of a network, steps that shrink with their squares lead it into its datum.
-    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > 1e-3 * size
+    return float(np.abs(shift[state.constraint.mask]).max(initial=0.0)) > 1e-6 * size
 
 
 def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:

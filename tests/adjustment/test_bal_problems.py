@@ -44,25 +44,15 @@ def test_steps_change_the_inverse_distance_of_points_that_rays_meet(tmp_path: Pa
         np.testing.assert_allclose(moved[points] - values["point"][cameras], times * away, rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", [1001, 1004, 1034, 31073])
+@pytest.mark.parametrize("seed", [1001, 1004, 1034])
 def test_far_points_and_gross_errors_end_at_the_minimum(seed: int, tmp_path: Path):
-    """The points 16 of 1004 and 79 of 1034 decide: one moves to infinity, the other must not.
-
-    Point 82 of 31073 begins 10 000 times as far away as the others: they must not move in its place.
-    """
+    """The points 16 of 1004 and 79 of 1034 decide: one moves to infinity, the other must not."""
     problem = bal_problem(seed)
-    lowest = {1001: 5522.92874295, 1004: 4008.36779024, 1034: 22403.34787570, 31073: 83.82311633}[seed]
+    lowest = {1001: 5522.92874295, 1004: 4008.36779024, 1034: 22403.34787570}[seed]
     found = by_mor(problem, tmp_path)
     assert found.converged, found.words
     assert found.cost <= lowest * (1.0 + SAME)
     assert found.iterations <= 40
-
-
-@pytest.mark.slow
-def test_an_iteration_may_come_to_where_there_are_no_derivatives(tmp_path: Path):
-    found = by_mor(bal_problem(41062), tmp_path)
-    assert found.converged, found.words
-    assert found.cost <= 15261.35788850 * (1.0 + SAME)
 
 
 @pytest.mark.slow
