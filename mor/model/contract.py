@@ -111,13 +111,16 @@ def one_name(text: str, count: int) -> Names:
 def coded(texts: pl.Series) -> Coded:
     """Texts (n,), none of them null: each different one is kept once, in the order in which it comes first."""
     known = texts.unique(maintain_order=True)
-    return Coded(known, places(texts, known))
+    return Coded(known, places(texts, known, unique=True))
 
 
-def places(texts: pl.Series, known: pl.Series) -> SmallIntArray:
-    """(n,) place of every text in a list; −1 where it is not among them, the last one where it is there twice."""
+def places(texts: pl.Series, known: pl.Series, unique: bool = False) -> SmallIntArray:
+    """(n,) place of every text in a list; −1 where it is not among them, the last one where it is there twice.
+
+    That of a ``unique`` list is not looked through for texts that are there twice.
+    """
     table = pl.DataFrame({"name": known, "number": np.arange(len(known), dtype=np.int32)})
-    if known.n_unique() < len(known):
+    if not unique and known.n_unique() < len(known):
         table = table.unique("name", keep="last")
     found = pl.DataFrame({"name": texts}).join(table, on="name", how="left", maintain_order="left")
     numbers: SmallIntArray = found["number"].fill_null(-1).to_numpy()

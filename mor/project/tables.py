@@ -582,7 +582,9 @@ def _joined(parts: list[Rows]) -> Rows:
     for name in list(first.texts):
         own = [part.texts.pop(name) for part in parts]
         known = pl.concat([one.known for one in own]).unique(maintain_order=True)
-        texts[name] = Coded(known, _end_to_end([kept(places(one.known, known)[one.numbers]) for one in own]))
+        texts[name] = Coded(
+            known, _end_to_end([kept(places(one.known, known, unique=True)[one.numbers]) for one in own])
+        )
     numbers = {name: _end_to_end([part.numbers.pop(name) for part in parts]) for name in list(first.numbers)}
     lines = _end_to_end([part.lines for part in parts])
     return Rows(lines, first.file, first.problems, len(lines), texts, numbers)
@@ -659,9 +661,11 @@ def _unit_of(table: TableEntry, column: Column) -> str:
 
 
 def _identifiers(column: Column, cells: pl.Series, source: Source) -> Coded:
-    as_given = coded(cells.cast(pl.String).fill_null(""))
-    known, numbers = coded(as_given.known.str.strip_chars())
-    result = Coded(known, numbers[as_given.numbers])
+    result = coded(cells.cast(pl.String).fill_null(""))
+    known = result.known.str.strip_chars()
+    if not known.equals(result.known):  # two of them may be the same now
+        known, numbers = coded(known)
+        result = Coded(known, numbers[result.numbers])
     if column.required:
         source.tell_where((known == "").to_numpy()[result.numbers], f"{column.name} is empty")
     broken = known.str.contains("[\n\r\\x00]").to_numpy()[result.numbers]
