@@ -315,12 +315,11 @@ def look_ahead(document: Document, folder: Path) -> None:
 
     files = [path for name in document.table_files() if (path := folder / name).is_file()]
     size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
-    # A byte of a CSV table takes 5 in memory, its rows as arrays and its texts; a row of a Parquet table takes 150, or
-    # 100 where long arrays are in files.
     rows = sum(map(rows_of_parquet, files))
-    check_room(
-        float(5 * size + (100 if is_limited() else 150) * rows), "reading the tables", "fewer observations at a time"
-    )
+    # Bytes of memory, measured: a byte of a CSV table takes 5 (its rows as arrays and its texts), a row of Parquet 150,
+    # or 100 where long arrays are in files.
+    room = 5 * size + (100 if is_limited() else 150) * rows
+    check_room(float(room), "reading the tables", "fewer observations at a time")
     # An observation takes at most 60 bytes of the CSV tables, or two rows of Parquet, its points among them.
     if size + 30 * rows >= 60 * WORTH_COMPILING:
         load_ahead()
