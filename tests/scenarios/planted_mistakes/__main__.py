@@ -21,8 +21,11 @@ def row(name: str, found: list[Trial]) -> str:
     codes = Counter(one.code for one in found)
     said = ", ".join(f"{code}: {count}" for code, count in sorted(codes.items()))
     visible = sum(one.visible for one in found)
-    scored = sum(one.scored is not None for one in found)
-    return f"| {name} | {len(found)} | {visible} | {first} | {among} | {blamed} | {scored} | {said} |"
+    listed = sum(one.scored is not None for one in found)
+    listed_first = sum(one.scored == 0 for one in found)
+    listed_wrong = sum(bool(one.listed) and one.scored != 0 for one in found)
+    counts = (len(found), visible, first, among, blamed, listed_first, listed, listed_wrong)
+    return f"| {name} | {' | '.join(map(str, counts))} | {said} |"
 
 
 def main() -> None:
@@ -31,7 +34,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=4, help="projects for each kind of mistake")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--kind", choices=sorted(KINDS), action="append", help="only this kind")
-    parser.add_argument("--show", action="store_true", help="tell what is offered where the right cause is not first")
+    parser.add_argument("--show", action="store_true", help="tell what is named where the right cause is not first")
     parser.add_argument(
         "--error-free", type=int, default=0, help="in place of that, so many projects without a mistake"
     )
@@ -43,8 +46,9 @@ def main() -> None:
         count, rejected, offered = rates(chosen.sample, chosen.error_free)
         print(f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis")
         return
-    print("| mistake | cases | visible | right first | among three | another first | by score tests | exit codes |")
-    print("|---|---|---|---|---|---|---|---|")
+    print("| mistake | cases | visible | diagnose: first | among three | another first ", end="")
+    print("| score tests: first | among three | another first | exit codes |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
     everything: list[Trial] = []
     trials: dict[str, list[Callable[[], Trial]]] = {
         kind: [partial(trial, kind, seed) for seed in range(chosen.first, chosen.first + chosen.count)]
@@ -64,19 +68,9 @@ def main() -> None:
         print(row(kind.replace("_", " "), found), flush=True)
         if chosen.show:
             for seed, one in enumerate(found, chosen.first):
-                if one.place != 0:
-                    print(
-                        "   ",
-                        seed,
-                        *one[:7],
-                        "place",
-                        one.place,
-                        "scored",
-                        one.scored,
-                        *one.offered[:4],
-                        sep="; ",
-                        flush=True,
-                    )
+                if one.place != 0 or one.scored != 0:
+                    print("   ", seed, *one[:7], "diagnose", one.place, *one.offered[:4], sep="; ")
+                    print("        score tests", one.scored, *one.listed, sep="; ", flush=True)
     print(row("all", everything))
     print(row("of these: visible", [one for one in everything if one.visible]))
     solved = [one for one in everything if one.outcome == "converged"]

@@ -94,6 +94,8 @@ class Trial(NamedTuple):
     offered: tuple[str, ...]
     scored: int | None = None
     """Place of the right cause among the score tests of the adjustment, from 0."""
+    listed: tuple[str, ...] = ()
+    """Causes that the score tests name."""
 
 
 def trial(kind: str, seed: int, keep: Path | None = None, sample: str = "") -> Trial:
@@ -146,7 +148,7 @@ def judged(kind: str, sample: str, planted: Planted, project: Path, without: Cal
     place, things = (places[0] if places else None), tuple(sorted(planted.things))
     if place is not None and found[place]["like_the_first"]:
         place = 0  # the observations cannot tell it from the first
-    offered = tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found)
+    offered = tuple(map(_described, found))
     if not run.out:
         return Trial(kind, sample, things, run.code, "input", True, True, place, offered or (run.err[:200],))
     results = json.loads(run.out)
@@ -162,7 +164,12 @@ def judged(kind: str, sample: str, planted: Planted, project: Path, without: Cal
         place,
         offered,
         scored[0] if scored else None,
+        tuple(map(_described, results["possible_causes"])),
     )
+
+
+def _described(hypothesis: dict[str, Any]) -> str:
+    return f"{hypothesis['cause']} ({', '.join(hypothesis['things'])})"
 
 
 @cache
