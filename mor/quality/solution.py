@@ -64,8 +64,8 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
 
     Up to six unknowns are told of each: those that have more than half of their variance from it.
     """
-    weak = adjustment.inverse.weak
-    if weak.shape[1] == 0:
+    weak, normals = adjustment.inverse.weak, adjustment.normals
+    if weak.shape[1] == 0 or (quality is None and not len(normals.diagonal)):
         return []
     null, bound = adjustment.defect.datum, adjustment.constraint.normals
     if null.shape[1]:
@@ -73,7 +73,7 @@ def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[Wea
     index = adjustment.problem.index
     variance = np.sum(weak**2, axis=1)
     if quality is None:
-        variance[adjustment.plan.kept] += 1.0 / adjustment.normals.diagonal
+        variance[adjustment.plan.kept] += 1.0 / normals.diagonal
     else:
         for kind, columns in index.columns.items():
             diagonal = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
