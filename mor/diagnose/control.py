@@ -433,12 +433,20 @@ def _the_same(amount: AddedParameter, _values: Values) -> AddedParameter:
 def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
     group = situation.network.groups[number]
     used = group.used
-    scales = list(_scales(situation, number, group, used))
+    found = {unit_factor(scale) for scale in _scales(situation, number, group, used)}
+    for factor in _FACTORS:
+        if factor in found:
+            yield _hypothesis(situation, number, group.name, factor, count)
+
+
+def unit_factor(scale: float) -> float | None:
+    """Return the factor between two units that a factor of σ is near to, None if it is near to none."""
     for factor in _FACTORS:
         # Factor within which residuals that are too large agree with a unit; those too small have no other reason.
         near = 4.0 if factor > 1.0 else np.sqrt(1e3)
-        if any(1.0 / near < scale / factor < near for scale in scales):
-            yield _hypothesis(situation, number, group.name, factor, count)
+        if 1.0 / near < scale / factor < near:
+            return factor
+    return None
 
 
 def _scales(situation: Situation, number: int, group: ObservationGroup, used: BoolArray) -> Iterator[float]:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mor.diagnose.angles import middle_of
-from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
+from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind, unit_factor
 from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.hypothesis import OBSERVED_POINTS
 from mor.diagnose.images import PRINCIPAL_POINT
@@ -787,28 +787,37 @@ def _single(quality: Quality) -> tuple[float, float]:
     return (1.0 - 1e-6) * largest**2, max(length, 0.0)
 
 
-def _sigmas(quality: Quality) -> Iterator[_Scored]:
+def sigma_tests(quality: Quality) -> tuple[ScoredHypothesis, ...]:
+    """Return up to three tables whose σ is too large, for a network whose residuals are too small."""
+    return _causes([one for one in _sigmas(quality, smaller=True) if one.length > 0.0 and one.log_p < np.log(LEVEL)])
+
+
+def _sigmas(quality: Quality, smaller: bool = False) -> Iterator[_Scored]:
     """Tables whose residuals are normal with another σ: −2 ln of how likely they are falls by r (q − 1 − ln q).
 
-    q = Ω/r is the variance factor of the table, r its redundancy. Not if there is but one table: then the global test
-    says the same.
+    q = Ω/r is the variance factor of the table, r its redundancy. If there is but one table, only a σ in a larger unit
+    is named: else the global test says the same.
     """
     groups = quality.adjustment.problem.groups
     tested = [k for k, group in enumerate(groups) if not group.left_out.all() and group.count > 1]
-    for k in tested if len(tested) > 1 else ():
+    for k in tested:
         r = float(np.nansum(quality.groups[k].r))
         omega = float(np.nansum(quality.groups[k].v * quality.groups[k].weighted))
         factor = factor_of_group(quality, k)
         # Redundancy of a table from which on its σ is judged.
-        if r < 5.0 or omega <= r or factor is None or not fits_factor(quality, k, factor):
+        if r < 5.0 or (omega <= r) != smaller or factor is None:
             continue
         q = omega / r
+        unit = unit_factor(float(np.sqrt(q)))
+        # Residuals far too small have no other reason than the unit of their σ.
+        if not (smaller and unit) and (len(tested) == 1 or not fits_factor(quality, k, factor)):
+            continue
         likelihood = r * (q - 1.0 - float(np.log(q)))
         rows = np.flatnonzero(groups[k].mask.any(axis=1))
         one = _Candidate(
-            "sigma of a table",
+            "sigma unit" if unit else "sigma of a table",
             (groups[k].name,),
-            f"observations, {groups[k].name}: factor: {np.sqrt(q):.3g}",
+            f"observations, {groups[k].name}: factor: {unit or np.sqrt(q):.3g}",
             ((k, rows, np.zeros((len(rows), groups[k].observed.shape[1], 1))),),
             amount=("sigma factor", 0.0),
         )

@@ -86,8 +86,11 @@ def first_sentence(rows: list[dict[str, Any]], words: Words) -> list[str]:
 
 
 def decrease(row: dict[str, Any], words: Words) -> str:
-    """State how a possible cause would reduce vᵀPv."""
-    return words("vTPv would decrease by {gain}", gain=words.number(short(row["vtpv_decrease"], 4)))
+    """State how a possible cause would change vᵀPv."""
+    gain = words.number(short(abs(row["vtpv_decrease"]), 4))
+    if row["vtpv_decrease"] < 0.0:
+        return words("vTPv would increase by {gain}", gain=gain)
+    return words("vTPv would decrease by {gain}", gain=gain)
 
 
 def diagnosed(data: dict[str, Any], words: Words) -> str:
