@@ -38,7 +38,7 @@ from mor.quality.determinability import (
     without_moved,
     without_unknown,
 )
-from mor.quality.group_tests import GroupTests, Rejection, group_tests, rejection
+from mor.quality.group_tests import Rejection, group_tests, rejection
 from mor.quality.outliers import (
     Attempt,
     SuspectedOutliers,
@@ -424,7 +424,11 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         quality, suspects = put_back(quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again)
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
-    found = [*_other_readings(adjusted), *_possible_causes(quality, network, tests, suspects)]
+    told = rejection(quality, network, tests)
+    found = [
+        *_other_readings(adjusted, told is not Rejection.NOTHING or suspects is not None),
+        *_possible_causes(quality, network, told, suspects),
+    ]
     possible = tuple({(one.cause, one.things): one for one in found}.values())[:3]
     iterate = settings.variance_components == "iterate"
     quality, treatment = treat(
@@ -452,29 +456,37 @@ def _too_weak(adjustment: Adjustment, levels: Levels) -> Adjustment | None:
 
 
 def _possible_causes(
-    quality: Quality, network: Network, tests: GroupTests, suspects: SuspectedOutliers | None
+    quality: Quality, network: Network, told: Rejection, suspects: SuspectedOutliers | None
 ) -> tuple[ScoredHypothesis, ...]:
-    rejected = rejection(quality, network, tests) is Rejection.LARGER
-    if suspects is None and not rejected:
+    if suspects is None and told is Rejection.NOTHING:
         return ()
-    from mor.diagnose.score_tests import score_tests, score_tests_with_suspects  # loading it takes its time
+    # Loading these takes its time.
+    from mor.diagnose.score_tests import score_tests, score_tests_with_suspects, sigma_tests
 
     with np.errstate(all="ignore"):
         found = score_tests_with_suspects(quality, network, suspects) if suspects is not None else ()
-        return found or (score_tests(quality, network) if rejected else ())
+        if found or told is Rejection.NOTHING:
+            return found
+        return score_tests(quality, network) if told is Rejection.LARGER else sigma_tests(quality)
 
 
-def _other_readings(adjusted: _Adjusted) -> tuple[ScoredHypothesis, ...]:
-    """Other readings of circles and images, if the plain adjustment led to no sensible solution."""
-    attempt = adjusted.attempt
-    if attempt.robust is None and (attempt.adjustment.outcome.is_solution or not attempt.adjustment.iterations):
+def _other_readings(adjusted: _Adjusted, rejected: bool = True) -> tuple[ScoredHypothesis, ...]:
+    """Other readings of what is rejected by the given start values, and by sights if no plain solution is sensible."""
+    attempt, network = adjusted.attempt, adjusted.network.original or adjusted.network
+    ended = attempt.adjustment
+    senseless = attempt.robust is not None or (not ended.outcome.is_solution and bool(ended.iterations))
+    if not rejected and not senseless:
         return ()
-    from mor.diagnose.angles import scored_readings  # loading it takes its time
+    # Loading these takes its time.
+    from mor.diagnose.angles import scored_readings
+    from mor.diagnose.search import scored_readings_of_tables
 
-    states = [adjusted.start, attempt.robust, attempt.adjustment.values]
     with np.errstate(all="ignore"):
-        network = adjusted.network.original or adjusted.network
-        return scored_readings(network, [values for values in states if values is not None])
+        found = scored_readings_of_tables(network, make_problem, start_or_nothing) if rejected else ()
+        if senseless:
+            states = [adjusted.start, attempt.robust, ended.values]
+            found += scored_readings(network, [values for values in states if values is not None])
+    return found
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:

@@ -590,7 +590,8 @@ class Situation:
         """|v|/σ (n, m) of every group, 0 where not observed; ∞ where start values are missing."""
         if self.unstarted:
             return tuple(np.where(self._concerned(group), np.inf, 0.0) for group in self.network.groups)
-        return sizes_of(self.make(self.network, self.start, self.values).groups, self.values)
+        groups = self.make(self.network, self.start, self.values).groups if self.settled else self.network.groups
+        return sizes_of(groups, self.values)
 
     def _concerned(self, group: ObservationGroup) -> BoolArray:
         """(n, m) observations that refer to something without start values."""
@@ -649,7 +650,7 @@ class Situation:
         In large networks few errors leave half of all residuals as they are: the median tells how large chance makes
         them. In small ones an error is in all residuals.
         """
-        if self.count <= SMALL or self.unstarted:
+        if self.count <= SMALL or not self.settled:
             return SUSPECT
         scale = robust_scales(self.make(self.network, self.start, self.values), self.sizes).overall
         return max(SUSPECT, scale * price_of_gross_error(self.count))

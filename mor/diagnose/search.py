@@ -118,6 +118,7 @@ _FAMILIES: dict[str, Family] = {
     "antenna height": antenna_hypotheses,
     "control exchanged": exchange_hypotheses,
     "control unit": control_hypotheses,
+    "axes exchanged": control_hypotheses,
     "control moved": control_point_hypotheses,
     "orientation changed": turned_circle_hypotheses,
     "sigma of a table": scored_sigma_hypotheses,
@@ -132,6 +133,8 @@ _FAMILIES: dict[str, Family] = {
     "set-ups exchanged": scored_frame_hypotheses,
     "images exchanged": scored_frame_hypotheses,
     "image flipped": image_hypotheses,
+    "image turned": image_hypotheses,
+    "image unit": image_hypotheses,
     "image scale": camera_constant_hypotheses,
     "camera of images": other_camera_hypotheses,
     "circle sense": circle_hypotheses,
@@ -238,7 +241,7 @@ def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     """Families that are asked together: those of a whole first if most observations do not fit, else last."""
     of_sigmas: tuple[Family, ...] = (sigma_hypotheses,)
     if not situation.larger:
-        return (of_sigmas,)  # of the others only control in a smaller unit may make residuals smaller
+        return of_sigmas, OF_A_WHOLE  # of the others only another unit may make residuals smaller
     if not situation.settled:
         return BEYOND_REACH, of_sigmas, OF_A_WHOLE
     of_the_earth: tuple[Family, ...] = (curvature_hypotheses,)
@@ -550,13 +553,34 @@ def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
     return values if len(values) == len(start) else np.concatenate([values, start[len(values) :]])
 
 
+def scored_readings_of_tables(network: Network, make: Make, begin: Begin) -> tuple[ScoredHypothesis, ...]:
+    """Return the other readings of tables, circles or images for which the given start values speak most clearly.
+
+    No adjustment is made. The gain is twice what a reading promises; what chance does not put first is left out.
+    """
+    if not any(_told(network, number) for number in range(len(network.groups))):
+        return ()
+    situation = Situation(network, network.start, network.start, None, make, begin, settled=False)
+    found = sorted(_of_stage(situation, OF_A_WHOLE), key=lambda pair: -pair[1])
+    least = max(BY_CHANCE, found[0][1] - 0.5 * BY_CHANCE) if found else BY_CHANCE
+    return tuple(
+        ScoredHypothesis(
+            one.cause, one.things, one.line, 2.0 * by, 0, float(log_p_chi2(2.0 * by, 1) / np.log(10.0)), None
+        )
+        for one, by in found
+        if by > least
+    )
+
+
 def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """(k,) what hypotheses promise; 0 where start values and residuals say nothing of it."""
     network = situation.network
-    now = _misfit(network)
+    now = [_of_group(network, number) for number in range(len(network.groups))]
     promised = []
     for hypothesis in hypotheses:
         changed = hypothesis.change(network)
+        follow = changed.start is not network.start  # start values that were observed fit in any unit
+        other = [k for k, group in enumerate(changed.groups) if follow or group is not network.groups[k]]
         told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
         count = 0
         for old, new, bad in zip(situation.network.groups, changed.groups, situation.misfitting, strict=False):
@@ -564,8 +588,8 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
                 count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
         # ln of how much less likely it is that an observation is wrong where it fits.
         own = (hypothesis.stretch if told else 0.0) - 2.0 * count
-        follow = changed.start is not network.start  # start values that were observed fit in any unit
-        promised.append(now - _misfit(changed) + (0.0 if follow else own))
+        gained = sum(now[k] - _of_group(changed, k) for k in other)
+        promised.append(gained + (0.0 if follow else own))
     return np.array(promised)
 
 
@@ -581,12 +605,8 @@ def _told(network: Network, number: int) -> bool:
     return bool(known.any())
 
 
-def _misfit(network: Network) -> float:
-    """Σ ln max(s, 1) over the observations that the given start values are enough for."""
-    return sum(_of_group(network, number) for number in range(len(network.groups)))
-
-
 def _of_group(network: Network, number: int) -> float:
+    """Σ ln max(s, 1) over the observations of a group that the given start values are enough for."""
     group = network.groups[number]
     if not group.count or any(slot.kind not in network.start for slot in group.type.slots):
         return 0.0
