@@ -54,6 +54,9 @@ _PAIRS = 12
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
+_ALMOST = 0.9
+"""Part of what another mistake explains that is almost as much: a definite mistake is not linear."""
+
 
 class _Candidate(NamedTuple):
     """A mistake as columns beside the observation equations."""
@@ -107,7 +110,7 @@ def score_tests(
     scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     limit = float(np.log(LEVEL / count))
     worst, least = _single(quality)
-    enough = {False: least, True: 0.95 * least}
+    enough = {False: least, True: _ALMOST * least}
     good = [one for one in scored if one.length > enough[one.freedom == 0] or (one.freedom == 1 and one.gain >= worst)]
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
@@ -885,14 +888,13 @@ def _told_apart(length: float) -> float:
 def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
     """The best first, without those that explain a part of what a better one of the same kind explains.
 
-    A definite mistake is not linear. One with a few parameters less that explains almost as much comes first.
+    One with a few parameters less that explains almost as much comes first.
     """
     found: list[_Scored] = []
     best = max((one.length for one in good), default=0.0)
 
     def rank(one: _Scored) -> tuple[bool, float, float]:
-        # Part of what the best explains that is almost as much.
-        alike = one.length >= 0.9 * best
+        alike = one.length >= _ALMOST * best
         return not alike, float(one.freedom) if alike else 0.0, -_told_apart(one.length)
 
     for one in sorted(good, key=rank):
