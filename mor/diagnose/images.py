@@ -124,34 +124,34 @@ def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]
     shares = {name: wrong / count for name, (wrong, count) in bad.items() if count >= 3}
     # Part of the rays of an image that do not fit, from which on it is looked at.
     worst = sorted((n for n in shares if shares[n] >= 0.5), key=lambda n: -shares[n])
-    named = [names for names in (worst, _against_start_values(situation, parts)) if 2 * len(names) <= len(parts)]
+    against = _against_start_values(situation.network, parts)
+    named = [names for names in (worst, against) if 2 * len(names) <= len(parts)]
     for name in dict.fromkeys(name for names in reversed(named) for name in names[:_IMAGES]):
         for cause, (signs, axes) in _MIRRORS.items():
             yield _mirrored(situation, cause, (name,), parts[name], signs, f"image {name}: −{axes}", True, len(bad))
 
 
-def _against_start_values(situation: Situation, parts: Mapping[str, Sequence[tuple[int, IntArray]]]) -> list[str]:
+def _against_start_values(network: Network, parts: Mapping[str, Sequence[tuple[int, IntArray]]]) -> list[str]:
     """Images whose rays come nearer to their start values mirrored or turned, the clearest first."""
-    gains = {}
+    gains, every = {}, ((1.0, 1.0), *(signs for signs, _ in _MIRRORS.values()))
+    numbers = {number for rows in parts.values() for number, _ in rows}
+    beside = {number: [_beside(network, number, signs) for signs in every] for number in numbers}
     for name, rows in parts.items():
-        plain, *others = (
-            sum(_beside(situation.network, number, chosen, signs) for number, chosen in rows)
-            for signs in ((1.0, 1.0), *(signs for signs, _ in _MIRRORS.values()))
-        )
-        gains[name] = plain - min(others)
+        plain, *others = np.sum([[own[chosen].sum() for own in beside[number]] for number, chosen in rows], axis=0)
+        gains[name] = float(plain - min(others))
     # Σ ln by which the start values have to speak for other signs: odds of a million to one, if they were that good.
     clear = [name for name, gain in gains.items() if gain > 14.0]
     return sorted(clear, key=lambda name: -gains[name])
 
 
-def _beside(network: Network, number: int, rows: IntArray, signs: tuple[float, float]) -> float:
-    """Σ ln |v|/σ of some rays at the given start values, their coordinates with other signs."""
+def _beside(network: Network, number: int, signs: tuple[float, float]) -> FloatArray:
+    """(n,) Σ ln |v|/σ of each ray at the given start values, its coordinates with other signs."""
     group = network.groups[number]
-    blocks = [network.start[slot.kind][own[rows]] for slot, own in group.blocks_by_slot]
+    blocks = [network.start[slot.kind][own] for slot, own in group.blocks_by_slot]
     with np.errstate(all="ignore"):
-        computed = group.type.equation(blocks, group.constants[rows]).values
-        sizes = np.abs(group.observed[rows] * np.array(signs) - computed) / group.given_sigma[rows]
-    return float(np.sum(np.log(np.maximum(sizes[np.isfinite(sizes)], 1.0))))
+        computed = group.type.equation(blocks, group.constants).values
+        logs = np.log(np.fmax(np.abs(group.observed * np.array(signs) - computed) / group.given_sigma, 1.0))
+    return np.asarray(np.where(np.isfinite(logs), logs, 0.0).sum(axis=1))
 
 
 def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:

@@ -558,8 +558,8 @@ def scored_readings_of_tables(network: Network, make: Make, begin: Begin) -> tup
 
     No adjustment is made. The gain is twice what a reading promises; what chance does not put first is left out.
     """
-    if not any(_told(network, number) for number in range(len(network.groups))):
-        return ()
+    if sum(_of_group(network, number) for number in range(len(network.groups))) <= BY_CHANCE:
+        return ()  # all that start values are given for fits
     situation = Situation(network, network.start, network.start, None, make, begin, settled=False)
     found = sorted(_of_stage(situation, OF_A_WHOLE), key=lambda pair: -pair[1])
     least = max(BY_CHANCE, found[0][1] - 0.5 * BY_CHANCE) if found else BY_CHANCE
