@@ -791,15 +791,15 @@ def _single(quality: Quality) -> tuple[float, float]:
 
 
 def sigma_tests(quality: Quality) -> tuple[ScoredHypothesis, ...]:
-    """Return up to three tables whose σ is too large, for a network whose residuals are too small."""
+    """Return up to three tables whose σ is in too large a unit, for a network whose residuals are too small."""
     return _causes([one for one in _sigmas(quality, smaller=True) if one.length > 0.0 and one.log_p < np.log(LEVEL)])
 
 
 def _sigmas(quality: Quality, smaller: bool = False) -> Iterator[_Scored]:
     """Tables whose residuals are normal with another σ: −2 ln of how likely they are falls by r (q − 1 − ln q).
 
-    q = Ω/r is the variance factor of the table, r its redundancy. If there is but one table, only a σ in a larger unit
-    is named: else the global test says the same.
+    q = Ω/r is the variance factor of the table, r its redundancy. Not if there is but one table: then the global test
+    says the same. ``smaller`` asks for q < 1 instead of q > 1, and only as far as another unit explains.
     """
     groups = quality.adjustment.problem.groups
     tested = [k for k, group in enumerate(groups) if not group.left_out.all() and group.count > 1]
@@ -812,8 +812,8 @@ def _sigmas(quality: Quality, smaller: bool = False) -> Iterator[_Scored]:
             continue
         q = omega / r
         unit = unit_factor(float(np.sqrt(q)))
-        # Residuals far too small have no other reason than the unit of their σ.
-        if not (smaller and unit) and (len(tested) == 1 or not fits_factor(quality, k, factor)):
+        # Residuals far too small have no other reason than a unit, that of their σ say.
+        if unit is None if smaller else len(tested) == 1 or not fits_factor(quality, k, factor):
             continue
         likelihood = r * (q - 1.0 - float(np.log(q)))
         rows = np.flatnonzero(groups[k].mask.any(axis=1))

@@ -581,28 +581,30 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
         changed = hypothesis.change(network)
         follow = changed.start is not network.start  # start values that were observed fit in any unit
         other = [k for k, group in enumerate(changed.groups) if follow or group is not network.groups[k]]
-        told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
-        count = 0
-        for old, new, bad in zip(situation.network.groups, changed.groups, situation.misfitting, strict=False):
+        count = known = every = 0
+        for k, bad in enumerate(situation.misfitting[: len(changed.groups)]):
+            old, new = network.groups[k], changed.groups[k]
             if old is not new:
-                count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
+                other_value = old.mask & (old.observed != new.observed)
+                count += int(np.count_nonzero(other_value & ~bad))
+                every += int(np.count_nonzero(other_value))
+                known += int(np.count_nonzero(other_value[_told(changed, k)]))
         # ln of how much less likely it is that an observation is wrong where it fits.
-        own = (hypothesis.stretch if told else 0.0) - 2.0 * count
+        own = hypothesis.stretch * known / max(every, 1) - 2.0 * count
         gained = sum(now[k] - _of_group(changed, k) for k in other)
         promised.append(gained + (0.0 if follow else own))
     return np.array(promised)
 
 
-def _told(network: Network, number: int) -> bool:
+def _told(network: Network, number: int) -> BoolArray:
+    """(n,) rows of a group that the given start values are enough for."""
     group = network.groups[number]
-    if any(slot.kind not in network.start for slot in group.type.slots):
-        return False
-    known = np.ones(group.count, dtype=bool)
-    for slot, blocks in group.blocks_by_slot:
+    known = np.full(group.count, all(slot.kind in network.start for slot in group.type.slots))
+    for slot, blocks in group.blocks_by_slot if known.any() else ():
         start = network.start[slot.kind]
         given: BoolArray = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1))
         known &= given[blocks]
-    return bool(known.any())
+    return known
 
 
 def _of_group(network: Network, number: int) -> float:
