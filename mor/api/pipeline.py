@@ -417,7 +417,7 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         if rest is None and sound.reason == BEYOND_USE and settings.undetermined == "leave_out":
             rest = without_moved(network, sound, sound.values, _problem_at)
         if rest is None:
-            return Solved(network, sound, None, None, suspects)
+            return Solved(network, sound, None, None, suspects, _other_readings(adjusted))
         return _assessed(adjusted._replace(network=rest, attempt=_attempt(rest, sound.values, None)), assessing)
     if suspects is not None:
         again = SolverSettings(settings.max_iterations)
