@@ -174,7 +174,7 @@ def _worked_out_once(network: Network) -> Approximation:
     """Start values of a change that is only tried: of a wrong one no answer agrees, and all would be asked for."""
     from mor.start.assembly import approximate
 
-    return approximate(network, others=0)
+    return approximate(network, others=False)
 
 
 def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:

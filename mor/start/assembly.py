@@ -71,7 +71,7 @@ from mor.start.scene import (
     scene_of,
 )
 from mor.start.seeds import FramePairs, common_pairs, seed_bundles, seed_doubtful, seed_levelled, seed_plan
-from mor.start.sights import ROWS, SMALLER, SOUND, Choices, Judgement, disagreement, likeliest
+from mor.start.sights import ROWS, SMALLER, SOUND, TRIES, Choices, Judgement, disagreement, likeliest
 from mor.types import BoolArray, FloatArray
 
 SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
@@ -612,13 +612,13 @@ def _plain(network: Network, group: ObservationGroup, plain: ObservationType) ->
 # Where the start values do not agree with the observations, other answers to what was in doubt on the way are tried.
 
 
-def approximate(network: Network, settle: SettleNetwork | None = None, others: int = 12) -> Approximation:
+def approximate(network: Network, settle: SettleNetwork | None = None, others: bool = True) -> Approximation:
     """Start values of a network; nothing is done where all are given.
 
     Given poses and points that are start values and no more are tested against the rays; those that contradict are
     replaced where the rest can be worked out without them. With ``settle`` doubtful ones are judged by what an
-    adjustment makes of them. ``others``: possible answers that are tried where the likeliest ones do not agree; with
-    none nothing that was given is replaced, either.
+    adjustment makes of them. ``others``: other answers are tried where the likeliest ones do not agree, and what was
+    given may be replaced.
     """
     if all_known(network.start):
         return Approximation(network.start, {}, ())
@@ -636,7 +636,7 @@ def approximate(network: Network, settle: SettleNetwork | None = None, others: i
 
 
 def _likeliest(
-    network: Network, scene: Scene, moving: Network, settle: SettleNetwork | None, others: int
+    network: Network, scene: Scene, moving: Network, settle: SettleNetwork | None, others: bool
 ) -> tuple[Scene, Assembly]:
     """The parts in the object system; where several answers were possible on the way, with those that agree best."""
 
@@ -652,9 +652,8 @@ def _likeliest(
         return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
 
     # With more than 1000 observations fewer answers are tried, in inverse proportion, one at least.
-    assembly, choices = likeliest(
-        attempt, judged, adjusted, lambda: max(others * 1_000 // max(network.observations, 1_000), min(others, 1))
-    )
+    most = max(TRIES * 1_000 // max(network.observations, 1_000), 1) if others else 0
+    assembly, choices = likeliest(attempt, judged, adjusted, most)
     return replace(scene, choices=Choices(choices.wanted)), assembly
 
 
@@ -696,7 +695,7 @@ def _adjusted(
     if np.isinf(squares):  # other start values seldom help, and none of them may take the place of given ones
         return judgement._replace(fit=np.inf, worst=np.inf)
     fit, worst = disagreement(moving.groups, values)
-    return judgement._replace(fit=fit, worst=worst, squares=squares)
+    return judgement._replace(fit=fit, worst=worst if fit <= judgement.fit else judgement.worst, squares=squares)
 
 
 def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:

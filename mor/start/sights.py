@@ -23,8 +23,8 @@ SOUND = float(np.log1p(2.0**2))
 """The same of adjusted ones, and of those that need not be adjusted before they are judged: 2 σ."""
 SMALLER = 1e-6
 """Part of v'Pv from which on one minimum lies below another."""
-SECOND_TRIES = 4
-"""Other answers that are tried beside start values that agree, where such ones fitted alike."""
+TRIES = 4
+"""Other answers that are tried one after another without finding better start values."""
 
 Found = TypeVar("Found")
 
@@ -89,8 +89,12 @@ class Judgement(NamedTuple):
 
     @property
     def agrees(self) -> bool:
-        """True where nothing better is to be looked for."""
-        return not self.missing and self.worst <= (SOUND if np.isfinite(self.squares) else AGREES)
+        """True where nothing better is to be looked for.
+
+        An adjustment that ends with a worse fit was drawn away by gross errors: then start values count as they stood.
+        """
+        adjusted = np.isfinite(self.squares) and self.fit <= self.before
+        return not self.missing and self.worst <= (SOUND if adjusted else AGREES)
 
     @property
     def as_they_stood(self) -> Judgement:
@@ -115,13 +119,13 @@ def likeliest(
     attempt: Callable[[Choices], Found],
     judged: Callable[[Found], Judgement],
     adjusted: Callable[[Found, Judgement], Judgement],
-    most: Callable[[], int],
+    most: int,
 ) -> tuple[Found, Choices]:
     """Return the start values that agree best.
 
     One answer after another is changed, as long as that helps. Other answers are adjusted where they fit better as
-    they stand, or to a question whose answers fit alike: else they lead to the same end. ``most``: attempts beside the
-    first one, at the most; asked only where that one does not agree.
+    they stand, or to a question whose answers fit alike: else they lead to the same end. ``most``: attempts in a row
+    that find nothing better.
     """
     choices = Choices()
     best = attempt(choices)
@@ -142,21 +146,16 @@ def likeliest(
             continue
         of_it = adjusted(found, of_it)
         if of_it.beats(judgement):
-            left = min(left, SECOND_TRIES) if of_it.agrees else left
             best, choices, judgement = found, other, of_it
+            left = _tries(choices, judgement, most)
     return best, choices
 
 
-def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> int:
-    """Return the number of other answers to try: those that fit alike may all agree, and one of them best.
-
-    Where something is missing and the rest agrees, what is missing may not be measured at all.
-    """
-    if judgement.missing and judgement.worst <= AGREES:
-        return min(most(), SECOND_TRIES)
+def _tries(choices: Choices, judgement: Judgement, most: int) -> int:
+    """Return the number of other answers to try: those that fit alike may all agree, and one of them best."""
     if not judgement.agrees:
-        return most()
-    return SECOND_TRIES if choices.open and np.isfinite(judgement.squares) else 0
+        return most
+    return TRIES if choices.open and np.isfinite(judgement.squares) else 0
 
 
 def _next(choices: Choices, tried: set[tuple[int, ...]], only_alike: bool) -> tuple[tuple[int, ...] | None, bool]:

@@ -48,8 +48,8 @@ def test_one_answer_after_another_is_changed_as_long_as_that_helps():
         wrong = sum(one != other for one, other in zip(found, right, strict=True))
         return Judgement(0, 2.0 * wrong, 5.0 * wrong)
 
-    assert likeliest(attempt, judged, lambda _, as_it_stands: as_it_stands, lambda: 20)[0] == right
-    assert likeliest(attempt, judged, lambda _, as_it_stands: as_it_stands, lambda: 0)[0] == (0, 0, 0)
+    assert likeliest(attempt, judged, lambda _, as_it_stands: as_it_stands, 20)[0] == right
+    assert likeliest(attempt, judged, lambda _, as_it_stands: as_it_stands, 0)[0] == (0, 0, 0)
 
 
 def test_nothing_else_is_tried_where_start_values_agree():
@@ -59,9 +59,9 @@ def test_nothing_else_is_tried_where_start_values_agree():
         tried.append(choices.take(2))
         return tried[-1]
 
-    likeliest(attempt, lambda _: Judgement(0, 0.5, 0.6), lambda _, as_it_stands: as_it_stands, lambda: 20)
+    likeliest(attempt, lambda _: Judgement(0, 0.5, 0.6), lambda _, as_it_stands: as_it_stands, 20)
     assert tried == [0]
-    likeliest(attempt, lambda _: Judgement(1, 0.5, 0.6), lambda _, as_it_stands: as_it_stands, lambda: 20)
+    likeliest(attempt, lambda _: Judgement(1, 0.5, 0.6), lambda _, as_it_stands: as_it_stands, 20)
     assert tried == [0, 0, 1]
 
 
