@@ -28,7 +28,7 @@ from mor.quality.robust_estimation import (
 )
 from mor.quality.test_statistics import LEVEL, MEDIAN_OF_NORMAL, robust_sigma
 from mor.solve.inverse import normalised_misclosures
-from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust
+from mor.solve.iterate import Adjustment, Outcome, Patience, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem, misclosures
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -644,7 +644,7 @@ def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     if sphere is None:
         return Attempt(plain)
     # Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty.
-    there = adjust(sphere, plain.start, SolverSettings(20), watch)
+    there = adjust(sphere, plain.start, SolverSettings(20, Patience(6, 1e-2, 1e-2)), watch)
     if there.outcome is not Outcome.CONVERGED:
         return Attempt(plain)
     again = adjust(plain.problem, there.values, _from_near(settings), watch)

@@ -538,11 +538,9 @@ def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = 
     whose damping falls: its steps grow along a direction that was damped. Steps of zero are not compared: an adjustment
     in another datum that begins at the solution begins with one.
     """
-    if patience is None and iterations:
-        last = iterations[-1]
-        # An iteration with a vᵀPv that no network has leads to no solution, or to one with gross errors.
-        patience = Patience(10, 5e-2, 5e-2) if last.objective > ABSURD * max(last.redundancy, 1) else Patience()
-    count, gain, damped = patience or Patience()
+    # An iteration with a vᵀPv that no network has leads to no solution, or to one with gross errors.
+    absurd = bool(iterations) and iterations[-1].objective > ABSURD * max(iterations[-1].redundancy, 1)
+    count, gain, damped = patience or (Patience(10, 5e-2, 5e-2) if absurd else Patience())
     if len(iterations) < 2 * count:
         return False
     earlier, later = iterations[-2 * count : -count], iterations[-count:]
@@ -550,7 +548,7 @@ def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = 
         return False
     if later[-1].damping and later[0].objective - later[-1].objective > damped * later[-1].objective:
         return False
-    if 0.0 < later[-1].damping < 0.5 * later[0].damping:
+    if 0.0 < later[-1].damping < 0.5 * later[0].damping and not absurd:
         return False
     steps = [iteration.largest_change for iteration in earlier if iteration.largest_change > ACCURACY]
     before, now = min(steps, default=0.0), min(iteration.largest_change for iteration in later)
