@@ -161,7 +161,8 @@ def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis
         mine = {images.ids[i] for i in np.flatnonzero(images.parts["camera"] == k)}
         parts = []
         for number in numbers:
-            rows = np.flatnonzero([n in mine for n in network.groups[number].references[0]])
+            names = network.groups[number].references[0]
+            rows = np.flatnonzero(np.array([n in mine for n in names.known], dtype=bool)[names.numbers])
             if len(rows):
                 parts.append((number, rows))
         if not parts:
@@ -189,7 +190,8 @@ def _mirrored(
 
     groups = situation.network.groups
     recomputed = frames_of((groups[number], rows) for number, rows in parts) if local else {}
-    edits = _mirrored_cells(situation.network, parts, signs)
+    few = sum(len(rows) for _, rows in parts) <= 10_000  # rows that a diff may change one by one
+    edits = _mirrored_cells(situation.network, parts, signs) if few else ()
     return Hypothesis(cause, things, change, line, candidates, recomputed=recomputed, afresh=not local, edits=edits)
 
 

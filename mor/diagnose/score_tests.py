@@ -12,7 +12,7 @@ of freedom if there is no such mistake. A definite mistake decreases vᵀPv by 2
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -53,6 +53,9 @@ _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
+
+_MANY = 2_000
+"""Candidates from which on those that explain hardly anything in their own rows are not tested with the network."""
 
 _ALMOST = 0.9
 """Part of what another mistake explains that is almost as much: a definite mistake is not linear."""
@@ -107,10 +110,13 @@ def score_tests(
     if not candidates:
         return ()
     count = len(candidates)
-    scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     limit = float(np.log(LEVEL / count))
     worst, least = _single(quality)
     enough = {False: least, True: _ALMOST * least}
+    if count > _MANY:
+        gains = _possible_gains(quality)
+        candidates = [one for one in candidates if not one.definite or gains(one) > enough[True]]
+    scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     good = [one for one in scored if one.length > enough[one.freedom == 0] or (one.freedom == 1 and one.gain >= worst)]
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
@@ -674,6 +680,23 @@ def _curvature(problem: Problem, network: Network, values: Values, adjusted: Seq
         yield _Candidate("curvature", (), "curvature: true", tuple(parts), definite=True)
 
 
+def _possible_gains(quality: Quality) -> Callable[[_Candidate], float]:
+    """Return 2g − ½ Σ r b²/σ² of a definite mistake b that changes few rows, whose gain is 2g − bᵀPQᵥᵥPb."""
+    weighted, r = [group.weighted for group in quality.groups], [group.r for group in quality.groups]
+    groups = quality.adjustment.problem.groups
+
+    def gain(one: _Candidate) -> float:
+        if sum(len(rows) for _, rows, _ in one.parts) > 4:
+            return np.inf
+        found = 0.0
+        for k, rows, derivatives in one.parts:
+            b = derivatives[:, :, 0]
+            found -= float(np.nansum(b * (2.0 * weighted[k][rows] + 0.5 * r[k][rows] * b / groups[k].sigma[rows] ** 2)))
+        return found
+
+    return gain
+
+
 def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list[_Candidate]]:
     """Candidates together as far as the solutions for their columns fit into memory."""
     most = max(_ENTRIES // max(quality.adjustment.problem.index.count, 1), 1)
@@ -685,7 +708,8 @@ def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list
             chunk, width = [], 0
         chunk.append(one)
         width += one.parameters
-    yield chunk
+    if chunk:
+        yield chunk
 
 
 class _Columns(NamedTuple):
