@@ -65,6 +65,7 @@ from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses, ot
 from mor.diagnose.names import name_hypotheses
 from mor.errors import InputError
 from mor.linalg.cholesky import NotFiniteError
+from mor.model.contract import some_rows
 from mor.model.parameters import Values, all_known, with_shared_components
 from mor.project.network import Network
 from mor.quality.assessment import Quality
@@ -75,6 +76,7 @@ from mor.quality.solution import ScoredHypothesis
 from mor.quality.test_statistics import LEVEL, log_p_chi2
 from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.problem import Problem, misclosures
+from mor.start.sights import ROWS
 from mor.types import BoolArray, FloatArray
 
 _ABSURD = 10.0
@@ -556,8 +558,14 @@ def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
 def scored_readings_of_tables(network: Network, make: Make, begin: Begin) -> tuple[ScoredHypothesis, ...]:
     """Return the other readings of tables, circles or images for which the given start values speak most clearly.
 
-    No adjustment is made. The gain is twice what a reading promises; what chance does not put first is left out.
+    No adjustment is made. The gain is twice what a reading promises; what chance does not put first is left out. Of
+    long tables some rows tell, evenly spread.
     """
+    parts = [
+        some_rows(group, np.linspace(0, group.count - 1, ROWS).astype(np.int64)) if group.count > ROWS else group
+        for group in network.groups
+    ]
+    network = replace(network, groups=tuple(parts), correlations=())
     if sum(_of_group(network, number) for number in range(len(network.groups))) <= BY_CHANCE:
         return ()  # all that start values are given for fits
     situation = Situation(network, network.start, network.start, None, make, begin, settled=False)
