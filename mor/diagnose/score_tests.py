@@ -55,7 +55,7 @@ _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
 _MANY = 2_000
-"""Candidates from which on those that explain hardly anything in their own rows are not tested with the network."""
+"""More candidates take longer than the adjustment; those that explain little in their own rows are then left out."""
 
 _ALMOST = 0.9
 """Part of what another mistake explains that is almost as much: a definite mistake is not linear."""
@@ -836,7 +836,7 @@ def _sigmas(quality: Quality, smaller: bool = False) -> Iterator[_Scored]:
             continue
         q = omega / r
         unit = unit_factor(float(np.sqrt(q)))
-        # Residuals far too small have no other reason than a unit, that of their σ say.
+        # Only another unit, such as that of their σ, makes residuals far too small.
         if unit is None if smaller else len(tested) == 1 or not fits_factor(quality, k, factor):
             continue
         likelihood = r * (q - 1.0 - float(np.log(q)))

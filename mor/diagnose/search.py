@@ -558,8 +558,8 @@ def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
 def scored_readings_of_tables(network: Network, make: Make, begin: Begin) -> tuple[ScoredHypothesis, ...]:
     """Return the other readings of tables, circles or images for which the given start values speak most clearly.
 
-    No adjustment is made. The gain is twice what a reading promises; what chance does not put first is left out. Of
-    long tables some rows tell, evenly spread.
+    No adjustment is made. The gain is twice what a reading promises; readings that chance may not put first are
+    left out. Of long tables only some rows, evenly spread, are used and count in the gain.
     """
     parts = [
         some_rows(group, np.linspace(0, group.count - 1, ROWS).astype(np.int64)) if group.count > ROWS else group

@@ -30,7 +30,7 @@ def test_what_fits_alike_is_tried_before_what_was_clear():
 
 
 def test_a_first_other_answer_to_each_question_comes_before_a_second_one_to_any():
-    """What may be tried is limited: answers that fit alike must not use it up before another question has its turn."""
+    """Each question has its turn before answers that fit alike use up all tries."""
     choices = Choices()
     choices.take(2, alike=False)
     choices.take(4)
@@ -81,3 +81,20 @@ def test_start_values_are_judged_by_logarithms_of_their_misclosures(tmp_path):
     mean, worst = disagreement(heights, network.start)
     np.testing.assert_allclose(mean, 0.5 * (np.log1p(1.0) + np.log1p(400.0**2)), rtol=1e-6)
     assert worst == mean
+
+
+def test_no_more_answers_are_tried_in_a_row_than_asked_for():
+    tried: list[int] = []
+
+    def attempt(choices: Choices) -> int:
+        tried.append(choices.take(20))
+        return tried[-1]
+
+    likeliest(attempt, lambda _: Judgement(0, 9.0, 9.0), lambda _, as_it_stands: as_it_stands, 3)
+    assert tried == [0, 1, 2, 3]
+
+
+def test_start_values_count_as_they_stood_where_an_adjustment_is_drawn_away():
+    assert Judgement(0, 8.2, 2.4, 2.6e7, before=1.3).agrees
+    assert not Judgement(0, 8.2, 4.2, 2.6e7, before=3.1).agrees
+    assert not Judgement(0, 1.3, 2.4, 2.6e7, before=8.2).agrees

@@ -77,7 +77,7 @@ less cannot be told from chance by anybody."""
 
 
 class Trial(NamedTuple):
-    """What became of a planted mistake."""
+    """Outcome of a planted mistake."""
 
     kind: str
     sample: str
