@@ -18,8 +18,15 @@ from mor.solve.ray_kernels import (
     Paths,
     ProjectedPoint,
     RayMeasurements,
+    Vector,
+    by_object,
+    clear_columns,
     clear_row,
     fill_by_interior,
+    into_tangent,
+    pose_columns,
+    rotated,
+    rotation,
     set_row,
     sight,
 )
@@ -28,8 +35,6 @@ from mor.types import FloatArray, IntArray
 # ---- Small rotations for kernels: rotation vectors ψ act by vector products, also where they turn by much.
 #
 # exp([ψ]×) q = q + sin|ψ|/|ψ| ψ×q + (1 − cos|ψ|)/|ψ|² ψ×(ψ×q)
-
-Vector = tuple[float, float, float]
 
 _SERIES = 0.0025
 """Square of the angle below which the series have all digits."""
@@ -191,7 +196,8 @@ def linearise_moving(
     by_others: FloatArray,
 ) -> None:
     """Set residuals and Jacobians of the rays of rolling shutters, as ``linearise`` does those of frames."""
-    D, interiors = values.D, values.interior
+    interiors, tangent, pose = values.interior, values.tangent, pose_columns(layout)
+    width, flat = by_others.shape[2], by_others.reshape(-1)
     observed, weight, measured = rays[:3]
     by_interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
     for p in range(pointers.size - 1):
@@ -201,14 +207,13 @@ def linearise_moving(
                 continue
             for k in range(i.size):
                 i[k] = interiors[f, k]
-            lever = lever_of(values, f, points, p)
+            D, lever = rotation(values.D, f), lever_of(values, f, points, p)
             u, v = measured[n, 0], measured[n, 1]
             met = meet(values, f, lever, i, u, v)
             X, Y, Z = met.star
             model, r0, by_ideal = values.model[f] % MOVING, values.r0[f], met.sight.by_ideal
             fill_by_interior(model, X, Y, Z, i, r0, u, v, by_ideal, by_interior)
             one, other = met.sight.by_star
-            a, b, c = lever
             for m in range(2):
                 w = weight[n, m]
                 if w == 0.0:
@@ -218,16 +223,16 @@ def linearise_moving(
                 residual[n, m] = ((met.x if m == 0 else met.y) - observed[n, m]) * w
                 g, h = w * met.across[2 * m], w * met.across[2 * m + 1]
                 by_star = g * one[0] + h * other[0], g * one[1] + h * other[1], g * one[2] + h * other[2]
-                s, t, d = turned_back(met.turn, by_star)
-                for k in range(layout.of_motion):
-                    by_others[n, m, k] = 0.0
-                set_row(by_point, by_others, n, m, layout, D, values.tangent, f, a, b, c, s, t, d)
-                set_motion(by_others[n, m], layout, met, (s, t, d), by_star, w * met.drift[m] * met.phase)
+                by_shifted, row = turned_back(met.turn, by_star), np.uint64((2 * n + m) * width)
+                clear_columns(flat, row, 0, layout.of_motion)
+                set_row(by_point, n, m, flat, row, pose, D, lever, by_shifted)
+                if pose[0] >= 0 and tangent.shape[0] > 0:
+                    into_tangent(flat, row + np.uint64(pose[0]), tangent, f)
+                set_motion(by_others[n, m], layout, met, by_shifted, by_star, w * met.drift[m] * met.phase)
                 for k in range(layout.components.size):
                     j = layout.components[k]
                     by_others[n, m, layout.interior + k] = g * by_interior[0, j] + h * by_interior[1, j]
-                for k in range(layout.interior + layout.components.size, by_others.shape[2]):
-                    by_others[n, m, k] = 0.0
+                clear_columns(flat, row, layout.interior + layout.components.size, width)
 
 
 @compile_inline
@@ -236,8 +241,7 @@ def lever_of(values: FrameValues, f: int, points: FloatArray, p: int) -> Vector:
     X = points[p, 0] - values.centre[f, 0]
     Y = points[p, 1] - values.centre[f, 1]
     Z = points[p, 2] - values.centre[f, 2]
-    D = values.D[f]
-    return (D[0] * X + D[1] * Y + D[2] * Z, D[3] * X + D[4] * Y + D[5] * Z, D[6] * X + D[7] * Y + D[8] * Z)
+    return rotated(rotation(values.D, f), X, Y, Z)
 
 
 @compile_kernel
@@ -333,16 +337,15 @@ def follow_moving(
                 found = met.x if m == 0 else met.y
                 residual[n, m] = (found - observed[n, m] + met.drift[m] * later) * w + g * dx + h * dy
                 by_star = g * one[0] + h * other[0], g * one[1] + h * other[1], g * one[2] + h * other[2]
-                s, t, d = turned_back(met.turn, by_star)
-                for k in range(3):
-                    by_point[n, m, k] = s * D[f, k] + t * D[f, 3 + k] + d * D[f, 6 + k]
+                a, b, c = by_object(rotation(D, f), turned_back(met.turn, by_star))
+                by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = a, b, c
 
 
 @compile_kernel
 def star_change(values: FrameValues, change: FrameChange, f: int, lever: Vector, met: ShutterCrossing) -> Vector:
     """Return by how much the point moves in the image system at a fixed time, where its frame changes."""
-    D, time, turn = values.D[f], met.time, met.turn
-    X, Y, Z = change.centre[f, 0], change.centre[f, 1], change.centre[f, 2]
+    time, turn = met.time, met.turn
+    X, Y, Z = rotated(rotation(values.D, f), change.centre[f, 0], change.centre[f, 1], change.centre[f, 2])
     velocity, rate = change.velocity[f], change.rate[f]
     about = cross(lever, (change.turn[f, 0], change.turn[f, 1], change.turn[f, 2]))
     spin = rate[0], rate[1], rate[2]
@@ -352,9 +355,9 @@ def star_change(values: FrameValues, change: FrameChange, f: int, lever: Vector,
     a, b, c = turned(
         turn,
         (
-            about[0] - D[0] * X - D[1] * Y - D[2] * Z + time * (faster[0] - velocity[0]),
-            about[1] - D[3] * X - D[4] * Y - D[5] * Z + time * (faster[1] - velocity[1]),
-            about[2] - D[6] * X - D[7] * Y - D[8] * Z + time * (faster[2] - velocity[2]),
+            about[0] - X + time * (faster[0] - velocity[0]),
+            about[1] - Y + time * (faster[1] - velocity[1]),
+            about[2] - Z + time * (faster[2] - velocity[2]),
         ),
     )
     return a + change.eccentricity[f, 0], b + change.eccentricity[f, 1], c + change.eccentricity[f, 2]
@@ -563,7 +566,7 @@ def linearise_along(
                 row = by_others[n, m]
                 for k in range(layout.of_motion):
                     row[k] = 0.0
-                a, b, c = by_object(D, f, turned_back(seen.turn, by_star))
+                a, b, c = by_object(rotation(D, f), turned_back(seen.turn, by_star))
                 by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = a, b, c
                 set_knots(row, layout, values, f, w, (a, b, c), seen.turn, cross(by_star, seen.lever))
                 if layout.readout >= 0:
@@ -578,17 +581,6 @@ def linearise_along(
                     row[layout.interior + k] = g * by_interior[0, j] + h * by_interior[1, j]
                 for k in range(layout.interior + layout.components.size, row.size):
                     row[k] = 0.0
-
-
-@compile_inline
-def by_object(D: FloatArray, f: int, row: Vector) -> Vector:
-    """Return the row times D_0."""
-    s, t, d = row
-    return (
-        s * D[f, 0] + t * D[f, 3] + d * D[f, 6],
-        s * D[f, 1] + t * D[f, 4] + d * D[f, 7],
-        s * D[f, 2] + t * D[f, 5] + d * D[f, 8],
-    )
 
 
 @compile_kernel
@@ -711,14 +703,14 @@ def follow_along(
                 later = seen.by_readout[m] * change.readout[f]
                 residual[n, m] = (found - observed[n, m] + later) * s + g * dx + h * dy
                 by_star = g * one[0] + h * other[0], g * one[1] + h * other[1], g * one[2] + h * other[2]
-                a, b, c = by_object(D, f, turned_back(seen.turn, by_star))
+                a, b, c = by_object(rotation(D, f), turned_back(seen.turn, by_star))
                 by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = a, b, c
 
 
 @compile_kernel
 def star_along(values: FrameValues, change: FrameChange, f: int, w: FloatArray, seen: Passing) -> Vector:
     """Return by how much the point moves in the image system at a fixed time, where the knots change."""
-    paths, turn, D = values.paths, seen.turn, values.D[f]
+    paths, turn = values.paths, seen.turn
     X, Y, Z = w[0] * change.centre[f, 0], w[0] * change.centre[f, 1], w[0] * change.centre[f, 2]
     p, q, r = change.turn[f, 0], change.turn[f, 1], change.turn[f, 2]
     a, b, c = 0.0, 0.0, 0.0  # Σ w_k (J(θ_k)⁻¹ δ_k − J(θ_k)⁻ᵀ δ_0)
@@ -732,8 +724,6 @@ def star_along(values: FrameValues, change: FrameChange, f: int, w: FloatArray, 
         c += one * (M[2, 0] * g + M[2, 1] * h + M[2, 2] * o - M[0, 2] * p - M[1, 2] * q - M[2, 2] * r)
     delta, first = by_psi(turn, (a, b, c)), turned(turn, (p, q, r))
     about = cross(seen.lever, (delta[0] + first[0], delta[1] + first[1], delta[2] + first[2]))
-    back = turned(
-        turn, (D[0] * X + D[1] * Y + D[2] * Z, D[3] * X + D[4] * Y + D[5] * Z, D[6] * X + D[7] * Y + D[8] * Z)
-    )
+    back = turned(turn, rotated(rotation(values.D, f), X, Y, Z))
     e = change.eccentricity[f]
     return about[0] - back[0] + e[0], about[1] - back[1] + e[1], about[2] - back[2] + e[2]

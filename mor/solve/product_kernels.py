@@ -31,7 +31,7 @@ from mor.solve.clique_kernels import (
     whiten_points,
 )
 from mor.solve.moving_ray_kernels import follow_along, follow_moving, linearise_along, linearise_moving
-from mor.solve.ray_kernels import FrameChange, FrameValues, Layout, Paths, RayMeasurements, follow, linearise
+from mor.solve.ray_kernels import MOVING, FrameChange, FrameValues, Layout, Paths, RayMeasurements, follow, linearise
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
 # ---- Kernels that couple points to the other unknowns of their rays.
@@ -619,7 +619,7 @@ def gather_image_rays(
     shifted, whites = np.empty((room, 2)), np.empty((room, 2, 3))
     by_others, without = np.empty((room, 2, width)), np.zeros((room, 2, width))
     in_chunk, overall = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
-    squares, first = 0.0, NONE
+    squares, first, moving = 0.0, NONE, (values.model[frames] >= MOVING).any()
     while first < count:
         last = end_of_piece(pointers, first, RAYS_OF_A_PIECE)
         begin, end = pointers[first], pointers[last]
@@ -631,7 +631,8 @@ def gather_image_rays(
         piece = RayMeasurements(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point, by_other = residuals[:n], by_points[:n], by_others[:n]
         linearise(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
-        linearise_moving(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
+        if moving:
+            linearise_moving(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         if paths is not None:
             linearise_along(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         for i in range(n):
@@ -655,7 +656,7 @@ def solve_image_points(
     values, _, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     room = largest_piece(pointers, RAYS_OF_A_PIECE)
     residuals, by_points, overall = (np.empty((room, 2)), np.empty((room, 2, 3)), np.empty(room, dtype=np.int64))
-    first = NONE
+    first, moving = NONE, (values.model[frames] >= MOVING).any()
     while first < points.shape[0]:
         last = end_of_piece(pointers, first, RAYS_OF_A_PIECE)
         begin, end = pointers[first], pointers[last]
@@ -666,7 +667,8 @@ def solve_image_points(
         piece = RayMeasurements(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point = residuals[:n], by_points[:n]
         follow(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
-        follow_moving(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
+        if moving:
+            follow_moving(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         if paths is not None:
             follow_along(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         solve_points(residual, by_point, own, damping, steps[first:last])

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from math import asin, atan2, copysign, cos, nan, pi, sin, sqrt
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from mor.linalg.compilation import compile_inline, compile_kernel
 from mor.types import FloatArray, IntArray
+
+Vector: TypeAlias = tuple[float, float, float]
+Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+"""Row by row."""
+PoseColumns: TypeAlias = tuple[int, int, int, int]
+"""First columns by rotation, position, height and eccentricity, −1 where they are not wanted."""
 
 # ---- The panorama for compiled linearisation: a point at a time, as ``mor.model.fisheye`` has it for many.
 
@@ -457,7 +463,8 @@ def linearise(
     model, D, centre, e, interiors, r0, tangent = values[:7]
     observed, weight, measured = rays[:3]
     interior, i = np.zeros((2, interiors.shape[1])), np.empty(interiors.shape[1])
-    star = np.empty((2, 3))
+    star, flat, width = np.empty((2, 3)), by_others.reshape(-1), by_others.shape[2]
+    pose, components = pose_columns(layout), layout.components
     for p in range(pointers.size - 1):
         for n in range(pointers[p], pointers[p + 1]):
             f = frame[n]
@@ -466,75 +473,103 @@ def linearise(
             for k in range(i.size):
                 i[k] = interiors[f, k]
             X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
-            a = D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z
-            b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
-            c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
+            R = rotation(D, f)
+            a, b, c = rotated(R, X, Y, Z)
             u, v = measured[n, 0], measured[n, 1]
             x, y = project(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], i, r0[f], u, v, star, interior)
             for m in range(2):
                 w = weight[n, m]
-                found = x if m == 0 else y
                 if w == 0.0:
                     residual[n, m] = 0.0
                     clear_row(by_point, by_others, n, m)
                     continue
-                residual[n, m] = (found - observed[n, m]) * w
-                s, t, d = w * star[m, 0], w * star[m, 1], w * star[m, 2]
-                set_row(by_point, by_others, n, m, layout, D, tangent, f, a, b, c, s, t, d)
-                for k in range(layout.of_motion):
-                    by_others[n, m, k] = 0.0
-                for k in range(layout.components.size):
-                    by_others[n, m, layout.interior + k] = w * interior[m, layout.components[k]]
-                for k in range(layout.interior + layout.components.size, by_others.shape[2]):
-                    by_others[n, m, k] = 0.0
+                residual[n, m] = ((x if m == 0 else y) - observed[n, m]) * w
+                by_star, row = (w * star[m, 0], w * star[m, 1], w * star[m, 2]), np.uint64((2 * n + m) * width)
+                clear_columns(flat, row, 0, layout.of_motion)
+                set_row(by_point, n, m, flat, row, pose, R, (a, b, c), by_star)
+                if pose[0] >= 0 and tangent.shape[0] > 0:
+                    into_tangent(flat, row + np.uint64(pose[0]), tangent, f)
+                first = row + np.uint64(layout.interior)
+                for k in range(components.size):
+                    flat[first + np.uint64(k)] = w * interior[m, np.uint64(components[np.uint64(k)])]
+                clear_columns(flat, row, layout.interior + components.size, width)
+
+
+# Jacobians by the other unknowns are flat in the inner loops, and their places unsigned, so that none is tested for
+# counting from the end. What is inlined there gets numbers, not arrays, which would be counted in and out with every
+# row. Together that saves a third of the time of ``linearise``.
+
+
+@compile_inline
+def pose_columns(layout: Layout) -> PoseColumns:
+    """Return the columns of the pose."""
+    return layout.rotation, layout.position, layout.height, layout.eccentricity
+
+
+@compile_inline
+def rotation(D: FloatArray, f: int) -> Rotation:
+    """Return the nine numbers of the rotation of a frame."""
+    return D[f, 0], D[f, 1], D[f, 2], D[f, 3], D[f, 4], D[f, 5], D[f, 6], D[f, 7], D[f, 8]
+
+
+@compile_inline
+def rotated(D: Rotation, X: float, Y: float, Z: float) -> Vector:
+    """Return D times a column."""
+    return (D[0] * X + D[1] * Y + D[2] * Z, D[3] * X + D[4] * Y + D[5] * Z, D[6] * X + D[7] * Y + D[8] * Z)
+
+
+@compile_inline
+def by_object(D: Rotation, row: Vector) -> Vector:
+    """Return a row times D."""
+    s, t, d = row
+    return s * D[0] + t * D[3] + d * D[6], s * D[1] + t * D[4] + d * D[7], s * D[2] + t * D[5] + d * D[8]
+
+
+@compile_inline
+def put_three(flat: FloatArray, place: np.uint64, numbers: Vector) -> None:
+    """Store three numbers from a place on."""
+    flat[place], flat[place + np.uint64(1)], flat[place + np.uint64(2)] = numbers
+
+
+@compile_inline
+def clear_columns(flat: FloatArray, row: np.uint64, first: int, end: int) -> None:
+    """Set these columns of a row to zero."""
+    for k in range(first, end):
+        flat[row + np.uint64(k)] = 0.0
 
 
 @compile_inline
 def set_row(
     by_point: FloatArray,
-    by_others: FloatArray,
     n: int,
     m: int,
-    layout: Layout,
-    D: FloatArray,
-    tangent: FloatArray,
-    f: int,
-    a: float,
-    b: float,
-    c: float,
-    s: float,
-    t: float,
-    d: float,
+    flat: FloatArray,
+    row: np.uint64,
+    pose: PoseColumns,
+    D: Rotation,
+    lever: Vector,
+    by_star: Vector,
 ) -> None:
-    """Set the Jacobian of one component by point and pose, from D (X − X0) = (a, b, c) and its own by X* (s, t, d)."""
-    g, h, o = (
-        s * D[f, 0] + t * D[f, 3] + d * D[f, 6],
-        s * D[f, 1] + t * D[f, 4] + d * D[f, 7],
-        s * D[f, 2] + t * D[f, 5] + d * D[f, 8],
-    )
+    """Set the Jacobian of one component by point and pose, from ``lever`` = D (X − X0) and its own by X*."""
+    (a, b, c), (s, t, d) = lever, by_star
+    g, h, o = by_object(D, by_star)
     by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, o
-    if layout.position >= 0:
-        by_others[n, m, layout.position] = -g
-        by_others[n, m, layout.position + 1] = -h
-        by_others[n, m, layout.position + 2] = -o
-    if layout.rotation >= 0:
-        g, h, q = t * c - d * b, d * a - s * c, s * b - t * a
-        if tangent.shape[0] > 0:
-            T = tangent[f]
-            g, h, q = (
-                g * T[0, 0] + h * T[1, 0] + q * T[2, 0],
-                g * T[0, 1] + h * T[1, 1] + q * T[2, 1],
-                g * T[0, 2] + h * T[1, 2] + q * T[2, 2],
-            )
-        by_others[n, m, layout.rotation] = g
-        by_others[n, m, layout.rotation + 1] = h
-        by_others[n, m, layout.rotation + 2] = q
-    if layout.height >= 0:
-        by_others[n, m, layout.height] = -o
-    if layout.eccentricity >= 0:
-        by_others[n, m, layout.eccentricity] = s
-        by_others[n, m, layout.eccentricity + 1] = t
-        by_others[n, m, layout.eccentricity + 2] = d
+    if pose[0] >= 0:
+        put_three(flat, row + np.uint64(pose[0]), (t * c - d * b, d * a - s * c, s * b - t * a))
+    if pose[1] >= 0:
+        put_three(flat, row + np.uint64(pose[1]), (-g, -h, -o))
+    if pose[2] >= 0:
+        flat[row + np.uint64(pose[2])] = -o
+    if pose[3] >= 0:
+        put_three(flat, row + np.uint64(pose[3]), by_star)
+
+
+@compile_kernel
+def into_tangent(flat: FloatArray, place: np.uint64, tangent: FloatArray, f: int) -> None:
+    """Turn the derivatives by a small rotation, from a place on, into those by its columns."""
+    g, h, q = flat[place], flat[place + np.uint64(1)], flat[place + np.uint64(2)]
+    for k in range(3):
+        flat[place + np.uint64(k)] = g * tangent[f, 0, k] + h * tangent[f, 1, k] + q * tangent[f, 2, k]
 
 
 @compile_kernel
@@ -567,16 +602,9 @@ def residuals(
             for k in range(interior.size):
                 interior[k] = interiors[f, k]
             X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
-            x, y = image_point(
-                model[f],
-                D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z + e[f, 0],
-                D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z + e[f, 1],
-                D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z + e[f, 2],
-                interior,
-                r0[f],
-                measured[n, 0],
-                measured[n, 1],
-            )
+            a, b, c = rotated(rotation(D, f), X, Y, Z)
+            u, v = measured[n, 0], measured[n, 1]
+            x, y = image_point(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], interior, r0[f], u, v)
             w, z = weight[n, 0], weight[n, 1]
             residual[n, 0] = (x - observed[n, 0]) * w if w != 0.0 else 0.0
             residual[n, 1] = (y - observed[n, 1]) * z if z != 0.0 else 0.0
@@ -610,16 +638,15 @@ def follow(
             for k in range(interior.size):
                 interior[k] = interiors[f, k]
             X, Y, Z = points[p, 0] - centre[f, 0], points[p, 1] - centre[f, 1], points[p, 2] - centre[f, 2]
-            a = D[f, 0] * X + D[f, 1] * Y + D[f, 2] * Z
-            b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
-            c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
+            R = rotation(D, f)
+            a, b, c = rotated(R, X, Y, Z)
             u, v = measured[n, 0], measured[n, 1]
             x, y = project(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], interior, r0[f], u, v, star, by_interior)
-            s, t, o = moved[f, 0], moved[f, 1], moved[f, 2]
             g, h, q = turn[f, 0], turn[f, 1], turn[f, 2]
-            da = b * q - c * h - D[f, 0] * s - D[f, 1] * t - D[f, 2] * o + shift[f, 0]
-            db = c * g - a * q - D[f, 3] * s - D[f, 4] * t - D[f, 5] * o + shift[f, 1]
-            dc = a * h - b * g - D[f, 6] * s - D[f, 7] * t - D[f, 8] * o + shift[f, 2]
+            s, t, o = rotated(R, moved[f, 0], moved[f, 1], moved[f, 2])
+            da = b * q - c * h - s + shift[f, 0]
+            db = c * g - a * q - t + shift[f, 1]
+            dc = a * h - b * g - o + shift[f, 2]
             x += star[0, 0] * da + star[0, 1] * db + star[0, 2] * dc
             y += star[1, 0] * da + star[1, 1] * db + star[1, 2] * dc
             for k in range(interior.size):
@@ -628,7 +655,9 @@ def follow(
             for m in range(2):
                 w = weight[n, m]
                 found = x if m == 0 else y
-                residual[n, m] = (found - observed[n, m]) * w if w != 0.0 else 0.0
-                s, t, o = w * star[m, 0], w * star[m, 1], w * star[m, 2]
-                for k in range(3):
-                    by_point[n, m, k] = s * D[f, k] + t * D[f, 3 + k] + o * D[f, 6 + k] if w != 0.0 else 0.0
+                if w == 0.0:
+                    residual[n, m] = by_point[n, m, 0] = by_point[n, m, 1] = by_point[n, m, 2] = 0.0
+                    continue
+                residual[n, m] = (found - observed[n, m]) * w
+                g, h, q = by_object(R, (w * star[m, 0], w * star[m, 1], w * star[m, 2]))
+                by_point[n, m, 0], by_point[n, m, 1], by_point[n, m, 2] = g, h, q
