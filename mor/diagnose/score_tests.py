@@ -12,7 +12,7 @@ of freedom if there is no such mistake. A definite mistake decreases vᵀPv by 2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,7 +33,7 @@ from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality, assess
-from mor.quality.external_reliability import WhitenedRows, sparse_matrix, whitened_rows
+from mor.quality.external_reliability import FEW_POINTS, WhitenedRows, sparse_matrix, whitened_rows
 from mor.quality.global_tests import factor_of_group, fits_factor
 from mor.quality.outliers import SuspectedOutliers, cost_of_choice, with_suspects
 from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height
@@ -54,8 +54,8 @@ _PAIRS = 12
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
-_MANY = 2_000
-"""More candidates take longer than the adjustment; those that explain little in their own rows are then left out."""
+_THINGS = 30
+"""Images or stations in which mistakes of their own are looked for, those with the largest squares of flagged w."""
 
 _ALMOST = 0.9
 """Part of what another mistake explains that is almost as much: a definite mistake is not linear."""
@@ -79,6 +79,10 @@ class _Candidate(NamedTuple):
     @property
     def parameters(self) -> int:
         return int(self.parts[0][2].shape[2])
+
+    @property
+    def rows(self) -> int:
+        return sum(len(rows) for _, rows, _ in self.parts)
 
 
 class _Scored(NamedTuple):
@@ -113,9 +117,6 @@ def score_tests(
     limit = float(np.log(LEVEL / count))
     worst, least = _single(quality)
     enough = {False: least, True: _ALMOST * least}
-    if count > _MANY:
-        gains = _possible_gains(quality)
-        candidates = [one for one in candidates if not one.definite or gains(one) > enough[True]]
     scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     good = [one for one in scored if one.length > enough[one.freedom == 0] or (one.freedom == 1 and one.gain >= worst)]
     joined, too_many = _joined(quality, candidates, count)
@@ -190,20 +191,45 @@ def _candidates(
     for number in adjusted:
         group = problem.groups[number]
         yield from _instruments(problem, values, number, group)
-        yield from _interiors(problem, network, values, number, group, flagged[number])
+        worst = list(_worst(quality, number, flagged[number]))
+        yield from _interiors(problem, network, values, number, group, worst)
         yield from _observed_interiors(network, number, group, flagged[number])
         yield from _signs(number, group, flagged[number])
         yield from _units(number, group)
         yield from _circles(values, number, group)
         yield from _faces(values, number, group, flagged[number])
         yield from _turned_circles(values, number, group, flagged[number])
-        yield from _exchanges(values, number, group, quality, flagged[number])
+        yield from _exchanges(values, number, group, quality, flagged[number], worst)
     yield from _wrong_names(network, values, quality, flagged)
     yield from _set_ups(problem, network, values, adjusted, flagged)
     yield from _heights(problem, network, values, quality)
     yield from _antennas(problem, values, adjusted)
     yield from _control(problem, network, values, adjusted, flagged, quality)
     yield from _curvature(problem, network, values, adjusted)
+
+
+class _Sights(NamedTuple):
+    """Rows (k,) of an image or a station."""
+
+    name: str
+    rows: IntArray
+
+
+def _worst(quality: Quality, number: int, flagged: BoolArray) -> Iterator[_Sights]:
+    """Yield the images or stations with the largest Σ w² of flagged rows, in the order of these rows."""
+    rows, names = np.flatnonzero(flagged), quality.adjustment.problem.groups[number].references[0]
+    own = names.numbers[rows]
+    squares = np.bincount(own, weights=_largest(quality, number, rows) ** 2)
+    chosen = set(np.argsort(-squares, kind="stable")[:_THINGS].tolist())
+    for one in dict.fromkeys(own.tolist()):
+        if one in chosen:
+            yield _Sights(names.known[one], np.flatnonzero(names.numbers == one))
+
+
+def _largest(quality: Quality, number: int, rows: IntArray) -> FloatArray:
+    """Return the largest |w| (k,) of each of these rows of a group."""
+    tests = np.nan_to_num(np.abs(quality.reliability[number].at(rows).test))
+    return np.asarray(tests.max(axis=1, initial=0.0))
 
 
 def _slot_columns(
@@ -234,7 +260,12 @@ def _instruments(problem: Problem, values: Values, number: int, group: Observati
 
 
 def _interiors(
-    problem: Problem, network: Network, values: Values, number: int, group: ObservationGroup, flagged: BoolArray
+    problem: Problem,
+    network: Network,
+    values: Values,
+    number: int,
+    group: ObservationGroup,
+    worst: Sequence[_Sights],
 ) -> Iterator[_Candidate]:
     slots = [k for k, slot in enumerate(group.type.slots) if slot.part == "interior"]
     if not slots or not is_image_point(group.type):
@@ -263,9 +294,7 @@ def _interiors(
                 yield _Candidate(cause, (name,), line, ((number, rows, columns),), amount=amount)
     if not constant or len(images.ids) < 2:
         return
-    frames = np.asarray(group.references[0])
-    for image in dict.fromkeys(frames[flagged].tolist()):
-        rows = np.flatnonzero(frames == image)
+    for image, rows in worst:
         columns = _slot_columns(group, values, rows, slot, constant).sum(axis=2, keepdims=True)
         yield _Candidate("camera of images", (image,), f"images, {image}: camera: …", ((number, rows, columns),))
         # With a camera for each image there is nothing to take the wrong one from.
@@ -436,17 +465,20 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
 
 
 def _exchanges(
-    values: Values, number: int, group: ObservationGroup, quality: Quality, flagged: BoolArray
+    values: Values,
+    number: int,
+    group: ObservationGroup,
+    quality: Quality,
+    flagged: BoolArray,
+    worst: Sequence[_Sights],
 ) -> Iterator[_Candidate]:
     if len(group.references) != 2 or group.type.between_marks:
         return
     target = group.type.references[-1].name
     slots = [k for k, slot in enumerate(group.type.slots) if slot.of == target]
-    worst = np.nan_to_num(np.abs(quality.reliability[number].at(slice(None)).test)).max(axis=1, initial=0.0)
-    frames = np.asarray(group.references[0])
-    for frame in dict.fromkeys(frames[flagged].tolist()):
-        here = np.flatnonzero((frames == frame) & flagged)
-        here = here[np.argsort(-worst[here], kind="stable")][:_PAIRS]
+    for frame, rows in worst:
+        here = rows[flagged[rows]]
+        here = here[np.argsort(-_largest(quality, number, here), kind="stable")][:_PAIRS]
         pairs = np.array(list(combinations(here.tolist(), 2))).reshape(-1, 2)
         if not len(pairs):
             continue
@@ -473,8 +505,7 @@ def _wrong_names(
         if len(group.references) < 2 or group.type.between_marks:
             continue
         rows = np.flatnonzero(flagged[number])
-        tests = np.nan_to_num(np.abs(quality.reliability[number].at(rows).test)).max(axis=1, initial=0.0)
-        for row in rows[np.argsort(-tests, kind="stable")[:most]].tolist():
+        for row in rows[np.argsort(-_largest(quality, number, rows), kind="stable")[:most]].tolist():
             found += matches(network, values, number, row)
     for same in with_the_same_names(found):
         cause, things, line = wrong_name(network, same)
@@ -680,34 +711,21 @@ def _curvature(problem: Problem, network: Network, values: Values, adjusted: Seq
         yield _Candidate("curvature", (), "curvature: true", tuple(parts), definite=True)
 
 
-def _possible_gains(quality: Quality) -> Callable[[_Candidate], float]:
-    """Return 2g − ½ Σ r b²/σ² of a definite mistake b that changes few rows, whose gain is 2g − bᵀPQᵥᵥPb."""
-    weighted, r = [group.weighted for group in quality.groups], [group.r for group in quality.groups]
-    groups = quality.adjustment.problem.groups
-
-    def gain(one: _Candidate) -> float:
-        if sum(len(rows) for _, rows, _ in one.parts) > 4:
-            return np.inf
-        found = 0.0
-        for k, rows, derivatives in one.parts:
-            b = derivatives[:, :, 0]
-            found -= float(np.nansum(b * (2.0 * weighted[k][rows] + 0.5 * r[k][rows] * b / groups[k].sigma[rows] ** 2)))
-        return found
-
-    return gain
-
-
 def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list[_Candidate]]:
-    """Candidates together as far as the solutions for their columns fit into memory."""
-    most = max(_ENTRIES // max(quality.adjustment.problem.index.count, 1), 1)
+    """Candidates together as far as the solutions for their columns fit into memory.
+
+    They have the unknowns of the reduced system if there are few rows, for few points are eliminated then.
+    """
+    adjustment = quality.adjustment
+    unknowns, reduced = max(adjustment.problem.index.count, 1), max(len(adjustment.plan.kept), 1)
     chunk: list[_Candidate] = []
-    width = 0
+    width = rows = 0
     for one in candidates:
-        if chunk and width + one.parameters > most:
+        width, rows = width + one.parameters, rows + one.rows
+        if chunk and width * (reduced if rows <= FEW_POINTS else unknowns) > _ENTRIES:
             yield chunk
-            chunk, width = [], 0
+            chunk, width, rows = [], one.parameters, one.rows
         chunk.append(one)
-        width += one.parameters
     if chunk:
         yield chunk
 

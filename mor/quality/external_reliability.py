@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -11,7 +11,9 @@ from mor.model import rotations
 from mor.quality.assessment import Quality
 from mor.quality.redundancy import Reliability
 from mor.quality.test_statistics import comparable, in_pieces, least_alike
+from mor.solve.elimination import RayChunk, ray_chunks
 from mor.solve.iterate import Adjustment
+from mor.solve.normals import RowSet, add_to_others, image_of_rays, reduce_right_hand_side, reduced_columns
 from mor.solve.problem import cluster_rows, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray, pieces
 
@@ -160,12 +162,17 @@ class NormalEquationSolver(NamedTuple):
 
     def factors(self, right: csr_array) -> tuple[FloatArray, FloatArray]:
         """L and S (l, k) with LᵀS = bᵀ N⁻¹ b, for b (c, k) in the range of N."""
+        inverse, plan = self.adjustment.inverse, self.adjustment.plan
+        along = inverse.weak[self.columns].T @ right
         if self.points is None:
-            whole = right.toarray()
-            return whole, self.solve(whole)
-        before, after, alone = self._reduced(right)
-        of_points, along = right[self._at_points], self.adjustment.inverse.weak[self.columns].T @ right
-        return np.vstack([before, _dense(of_points), along]), np.vstack([after, _dense(alone), along])
+            whole = np.zeros((self.adjustment.problem.index.count, right.shape[1]))
+            whole[self.columns] = right.toarray()
+            before, alone = reduce_right_hand_side(plan, inverse.values, whole)
+            after, of_points = inverse.reduced(before), whole[plan.rays.columns].reshape(-1, right.shape[1])
+            return np.vstack([before, of_points, along]), np.vstack([after, alone.reshape(of_points.shape), along])
+        before, after, of_touched = self._reduced(right)
+        own = _dense(right[self._at_points])
+        return np.vstack([before, own, along]), np.vstack([after, _dense(of_touched), along])
 
     def _reduced(self, right: AnyMatrix) -> tuple[FloatArray, FloatArray, AnyMatrix]:
         """b_r − C N_p⁻¹ b_p, x_r, and N_p⁻¹ b_p."""
@@ -175,7 +182,7 @@ class NormalEquationSolver(NamedTuple):
         alone = points.alone(right[self._at_points])
         reduced = -_dense(points.coupling @ alone)
         reduced[plan.reduced[self.columns[kept]]] += _dense(right[kept])
-        return reduced, inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * reduced), alone
+        return reduced, inverse.reduced(reduced), alone
 
     @property
     def _at_points(self) -> IntArray:
@@ -187,7 +194,7 @@ def _dense(matrix: AnyMatrix) -> FloatArray:
     return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())
 
 
-_FEW = 20_000
+FEW_POINTS = 20_000
 """Eliminated points up to which their rays are gathered; beyond that takes more memory than passes over all rays."""
 
 
@@ -196,7 +203,7 @@ def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSol
     index, reduced = adjustment.problem.index, adjustment.plan.reduced
     used = np.unique(columns[columns >= 0])
     blocks = np.unique(index.block_of[used[reduced[used] < 0]])
-    if len(blocks) > _FEW:
+    if len(blocks) > FEW_POINTS:
         return NormalEquationSolver(adjustment, used, None)
     used = np.union1d(used, index.columns["point"][blocks].ravel())
     return NormalEquationSolver(adjustment, used, eliminated_points(adjustment, blocks))
@@ -290,6 +297,51 @@ def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows
     design = [(rows, np.searchsorted(system.columns, columns), entries) for rows, columns, entries in design]
     A = sparse_matrix(design, (count, len(system.columns)))
     return WhitenedRows(system, places, A, sparse_matrix(whitening, (count, count)))
+
+
+def residuals_of_table(adjustment: Adjustment, number: int, z: FloatArray) -> FloatArray:
+    """R z (n, m, k) of a table without correlations, for whitened z (n, m, k) in all of its rows and 0 elsewhere.
+
+    Two passes over all rows take its place, where the design matrix of so many would take more memory than they have.
+    """
+    plan, rays, count = adjustment.plan, adjustment.plan.rays, z.shape[2]
+    right, below = np.zeros((adjustment.problem.index.count, count)), np.zeros((len(plan.kept), count))
+    others = [(one, _white_design(adjustment, one)) for one in plan.row_sets if one.group == number]
+    for own, (jacobian, columns) in others:
+        free = columns >= 0
+        np.add.at(below, columns[free], (np.swapaxes(jacobian, 1, 2) @ z[own.rows])[free])
+    for chunk, here in _rays_of_table(adjustment, number):
+        image = np.zeros((len(here), 2, count))
+        image[here] = z[chunk.row[here]]
+        by_point = np.swapaxes(chunk.rays.by_point, 1, 2) @ image
+        right[rays.columns[chunk.points]] = np.add.reduceat(by_point, chunk.rays.point_pointers[:-1], axis=0)
+        add_to_others(chunk.rays, image, below)
+    right[plan.kept] += below
+    x, answer = adjustment.inverse.solve(right), z.copy()
+    reduced = x[plan.kept]
+    for own, (jacobian, columns) in others:
+        moved = np.where((columns >= 0)[:, :, None], reduced[columns], 0.0)
+        answer[own.rows] -= jacobian @ moved
+    for chunk, here in _rays_of_table(adjustment, number):
+        answer[chunk.row[here]] -= image_of_rays(chunk.rays, reduced, x[rays.columns[chunk.points]])[here]
+    return answer
+
+
+def _rays_of_table(adjustment: Adjustment, number: int) -> Iterator[tuple[RayChunk, BoolArray]]:
+    """Yield the chunks with rays of a table, and which of their rays these are (n,)."""
+    plan = adjustment.plan
+    for chunk in ray_chunks(plan.problem, plan.rays, plan.reduced, adjustment.inverse.values):
+        here = chunk.group == number
+        if here.any():
+            yield chunk, here
+
+
+def _white_design(adjustment: Adjustment, own: RowSet) -> tuple[FloatArray, IntArray]:
+    problem, plan, values = adjustment.problem, adjustment.plan, adjustment.inverse.values
+    part = linearise(
+        problem.groups[own.group], problem.index, values, rotation_tangents(problem.index, values), own.rows
+    )
+    return own.weight[:, :, None] * part.jacobian, reduced_columns(part.columns, plan.reduced)
 
 
 MatrixEntries = tuple[IntArray, IntArray, FloatArray]

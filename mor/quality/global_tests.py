@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, cast
 
@@ -12,7 +13,7 @@ from mor.model import rotations
 from mor.model.contract import ObservationGroup
 from mor.model.parameters import Index, Values, index_unknowns
 from mor.quality.assessment import Quality
-from mor.quality.external_reliability import WhitenedRows
+from mor.quality.external_reliability import WhitenedRows, residuals_of_table
 from mor.quality.test_statistics import CONTROLLED, LEVEL, log_p_chi2, log_p_f, robust_sigma
 from mor.solve.datum import network_components
 from mor.solve.normals import Plan
@@ -97,33 +98,30 @@ class GroupEffect(NamedTuple):
         return float(np.sqrt(max(self.omega, 0.0) / self.redundancy)) if self.redundancy > 0.0 else np.nan
 
 
+ROWS_OF_A_LONG_TABLE = 50_000
+"""Rows of a table from which on two passes over the network take less time than the design matrix of the table."""
+
+
 def common_effects(
-    quality: Quality, rows: WhitenedRows, chosen: list[BoolArray], redundancy: float
+    quality: Quality, rows: Callable[[], WhitenedRows], chosen: list[BoolArray], redundancy: float
 ) -> list[GroupEffect]:
-    """Effects in the chosen observations, (n, m) of each group, whose Σr is given; the most significant first."""
+    """Effects in the chosen observations, (n, m) of each group, whose Σr is given; the most significant first.
+
+    ``rows`` makes them, or those of them that are not correlated with others; they are not made of a long table.
+    """
     forms = [
-        (kind, number, component, values)
+        _Form(kind, number, component, values)
         for number, (group, mask) in enumerate(zip(quality.adjustment.problem.groups, chosen, strict=True))
         for component in np.flatnonzero(mask.sum(axis=0) > 1).tolist()
         for kind, values in _forms(group, mask, component)
     ]
     if not forms:
         return []
-    groups = quality.adjustment.problem.groups
-    residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
-    white = np.stack(
-        [
-            rows.whitened(
-                [values if here == number else np.zeros(groups[here].observed.shape) for here in range(len(groups))]
-            )
-            for _, number, _, values in forms
-        ],
-        axis=1,
-    )
-    answer = rows.residuals_of(white)
+    table = _long_table(quality, chosen)
+    white, answer, residuals = _of_rows(quality, rows(), forms) if table is None else _of_table(quality, table, forms)
     q = np.sum(white * answer, axis=0)
     found = []
-    for k, (kind, number, component, _) in enumerate(forms):
+    for k, form in enumerate(forms):
         if q[k] <= CONTROLLED * float(white[:, k] @ white[:, k]):
             continue
         size = -float(white[:, k] @ residuals) / q[k]
@@ -131,18 +129,52 @@ def common_effects(
         taken = float(answer[:, k] @ answer[:, k]) / q[k]
         sigma = float(1.0 / np.sqrt(q[k]))
         rest = float(left @ left), redundancy - taken
-        found.append(GroupEffect(kind, number, component, size, sigma, *rest))
+        found.append(GroupEffect(form.kind, form.group, form.component, size, sigma, *rest))
     return sorted(found, key=lambda effect: -abs(effect.test))
 
 
-_Form = tuple[Literal["offset", "scale"], FloatArray]
+class _Form(NamedTuple):
+    """Derivatives (n, m) of the observations of a group by an effect."""
+
+    kind: Literal["offset", "scale"]
+    group: int
+    component: int
+    values: FloatArray
 
 
-def _forms(group: ObservationGroup, mask: BoolArray, component: int) -> list[_Form]:
+def _of_rows(quality: Quality, rows: WhitenedRows, forms: list[_Form]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """W c and R W c (N, k) of the forms, and whitened residuals (N,)."""
+    groups = quality.adjustment.problem.groups
+    none = [np.zeros(group.observed.shape) for group in groups]
+    white = [rows.whitened([*none[: one.group], one.values, *none[one.group + 1 :]]) for one in forms]
+    residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
+    return np.stack(white, axis=1), rows.residuals_of(np.stack(white, axis=1)), residuals
+
+
+def _of_table(quality: Quality, number: int, forms: list[_Form]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    group = quality.adjustment.problem.groups[number]
+    used = group.used
+    white = np.stack([np.where(used, one.values / group.sigma, 0.0) for one in forms], axis=2)
+    answer = residuals_of_table(quality.adjustment, number, white)
+    return white[used], answer[used], (quality.groups[number].v / group.sigma)[used]
+
+
+def _long_table(quality: Quality, chosen: list[BoolArray]) -> int | None:
+    """The table that is chosen as a whole, if it is so long that its design matrix takes more time than passes do."""
+    problem = quality.adjustment.problem
+    some = [number for number, mask in enumerate(chosen) if mask.any()]
+    if len(some) != 1 or problem.groups[some[0]].count <= ROWS_OF_A_LONG_TABLE or problem.clusters:
+        return None
+    return some[0] if np.array_equal(chosen[some[0]], problem.groups[some[0]].used) else None
+
+
+def _forms(
+    group: ObservationGroup, mask: BoolArray, component: int
+) -> list[tuple[Literal["offset", "scale"], FloatArray]]:
     """Derivatives (n, m) of the observations by an offset of one component and, of lengths, by a scale."""
     ones = np.zeros(group.observed.shape)
     ones[mask[:, component], component] = 1.0
-    forms: list[_Form] = [("offset", ones)]
+    forms: list[tuple[Literal["offset", "scale"], FloatArray]] = [("offset", ones)]
     if not group.type.wraps[component] and group.type.components[component].quantity.length == 1:
         forms.append(("scale", ones * np.nan_to_num(group.observed)))
     return forms

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -221,7 +221,7 @@ def _explained(quality: Quality, tests: GroupTests, test: GroupStatistic) -> Exp
     single = _single_observations(quality, chosen, test.omega)
     if test.omega < test.redundancy:  # residuals that are too small: no effect makes them so
         return Explained(test, *single, None, False)
-    rows = rows_of_test(quality, tests.partitions[test.partition], test.number)
+    rows = partial(rows_of_test, quality, tests.partitions[test.partition], test.number)
     effects = [
         effect
         for effect in common_effects(quality, rows, chosen, test.redundancy)

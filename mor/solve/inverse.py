@@ -71,10 +71,10 @@ class Inverse(NamedTuple):
             return rhs.copy()
         columns = rhs.reshape(len(rhs), -1)
         if len(self.plan.rays.columns) == 0:
-            x = self._reduced(columns)
+            x = self.reduced(columns)
         else:
             reduced, alone = reduce_right_hand_side(self.plan, self.values, columns)
-            x = full_directions(self.plan, self.values, self._reduced(reduced))
+            x = full_directions(self.plan, self.values, self.reduced(reduced))
             x[self.plan.rays.columns] += alone
         if self.weak.shape[1]:
             x = x + self.weak @ (self.weak.T @ columns)
@@ -87,7 +87,7 @@ class Inverse(NamedTuple):
 
     def parts_of_step(self, normals: NormalEquations) -> tuple[FloatArray, FloatArray]:
         """The Gauss-Newton step (u,) without the weak directions, and (u,) along them."""
-        reduced = self._reduced(normals.reduced_rhs[:, None])[:, 0]
+        reduced = self.reduced(normals.reduced_rhs[:, None])[:, 0]
         return full_step(self.plan, self.values, reduced), self.weak @ (self.weak.T @ normals.rhs)
 
     def refined(self, null: FloatArray) -> FloatArray:
@@ -107,7 +107,8 @@ class Inverse(NamedTuple):
         """
         return selected_inverse(self.factor, watch).scaled(self.scale)
 
-    def _reduced(self, rhs: FloatArray) -> FloatArray:
+    def reduced(self, rhs: FloatArray) -> FloatArray:
+        """A solution (n, k) of the reduced system for a right-hand side (n, k), without the weak directions."""
         anchored: FloatArray = self.scale[:, None] * self.factor.solve(self.scale[:, None] * rhs)
         return anchored
 

@@ -211,7 +211,7 @@ def test_influence_of_rays_is_the_movement_of_their_point_across_the_ray(make, f
 @pytest.mark.parametrize("few", [0, 2_000])  # by a pass over all rays, and by those of the points alone
 @pytest.mark.parametrize("name", NETWORKS)
 def test_movements_of_the_points_next_to_an_error_are_those_of_the_whole(name, few, monkeypatch):
-    monkeypatch.setattr(local_influence, "_FEW", few)
+    monkeypatch.setattr(local_influence, "FEW_POINTS", few)
     make, free = NETWORKS[name]
     scene, points = make()
     quality = assess(solve(scene, np.random.default_rng(4), points if free else None))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
+from mor.quality import global_tests
 from mor.quality import group_tests as quadratic_form
 from mor.quality.assessment import Quality, assess
 from mor.quality.external_reliability import whitened_rows
@@ -150,7 +151,7 @@ def test_one_gross_error_is_no_offset_of_its_group() -> None:
     assert judged is not None
     worst = next(one for one in judged.explained if one.test.name == "distances to plates")
     masks = judged.tests.rows(worst.test, quality.adjustment.problem)
-    effects = common_effects(quality, whitened_rows(quality, masks), masks, worst.test.redundancy)
+    effects = common_effects(quality, lambda: whitened_rows(quality, masks), masks, worst.test.redundancy)
     assert abs(effects[0].test) > quality.critical, "beside the a-priori sigma it is significant"
     assert worst.effect is None
     assert worst.flagged
@@ -192,7 +193,27 @@ def test_an_effect_against_one_more_unknown() -> None:
         c = np.zeros(len(v))
         c[here] = derivative / group.sigma[:, 0]
         found = next(
-            one for one in common_effects(quality, whitened_rows(quality, masks), masks, 7.0) if one.kind == kind
+            one
+            for one in common_effects(quality, lambda: whitened_rows(quality, masks), masks, 7.0)
+            if one.kind == kind
         )
         assert found.sigma == pytest.approx(1.0 / np.sqrt(c @ R @ c), rel=1e-6)
         assert found.size == pytest.approx(-(c @ v) / (c @ R @ c), rel=1e-6, abs=1e-6 * found.sigma)
+
+
+@pytest.mark.parametrize(
+    ("sample", "table"), [("building", "distances to plates"), ("aerial_strip", "tie and control points")]
+)
+def test_effects_in_a_long_table_are_those_of_its_design_matrix(
+    sample: str, table: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    quality = quality_of(solve_sample(sample))
+    number = next(k for k, g in enumerate(quality.adjustment.problem.groups) if g.name == table)
+    masks = masks_of(quality, [number])
+    by_rows = common_effects(quality, lambda: whitened_rows(quality, masks), masks, 7.0)
+    monkeypatch.setattr(global_tests, "ROWS_OF_A_LONG_TABLE", 0)
+    by_passes = common_effects(quality, lambda: pytest.fail("the design matrix is made"), masks, 7.0)
+    assert len(by_rows) > 1
+    assert [one[:3] for one in by_passes] == [one[:3] for one in by_rows]
+    for one, other in zip(by_passes, by_rows, strict=True):
+        assert one[3:] == pytest.approx(other[3:], rel=1e-9)
