@@ -148,10 +148,16 @@ def score_tests_with_suspects(
 def _explaining(
     quality: Quality, network: Network, doubtful: Sequence[BoolArray], suspects: Sequence[BoolArray]
 ) -> tuple[ScoredHypothesis, ...]:
-    """Definite mistakes in most of the suspects (n, m) of each group that explain nearly all of their misclosures."""
+    """Definite mistakes in most of the suspects (n, m) of each group that explain nearly all of their misclosures.
+
+    Several of one kind in different rows count together.
+    """
     problem, values = quality.adjustment.problem, quality.adjustment.values
     candidates = [one for one in _candidates(problem, network, values, quality, doubtful) if one.definite]
-    found, count = [], len(candidates)
+    cost = cost_of_choice(problem.observations, len(candidates), 0, 0.0)
+    most = sum(int(np.count_nonzero(mask)) for mask in suspects) // 2
+    found: list[_Scored] = []
+    in_part: dict[str, list[_Scored]] = {}
     for one in candidates:
         before, after, rows = 0.0, 0.0, 0
         for number, own, change in one.parts:
@@ -162,11 +168,42 @@ def _explaining(
             after += float(np.sum((((plain - change[:, :, 0]) / sigma)[used]) ** 2))
             rows += int(np.count_nonzero(suspects[number][own]))
         # Part of the squares of misclosures that a mistake may leave: their size then falls to a tenth.
-        if after <= 0.01 * before and 2 * rows > sum(int(np.count_nonzero(mask)) for mask in suspects):
+        if after <= 0.01 * before and rows:
             gain = before - after
-            cost = cost_of_choice(problem.observations, count, 0, 0.0)
-            found.append(_Scored(one, np.ones(1), gain, gain - cost, float(log_p_chi2(gain, 1)), 0))
+            scored = _Scored(one, np.ones(1), gain, gain - cost, float(log_p_chi2(gain, 1)), 0)
+            if rows > most:
+                found.append(scored)
+            else:
+                in_part.setdefault(one.cause, []).append(scored)
+    for some in in_part.values():
+        together = _together(_apart(some))
+        if sum(int(np.count_nonzero(suspects[k][own])) for k, own, _ in together.candidate.parts) > most:
+            found.append(together)
     return _causes(found)
+
+
+def _apart(some: Sequence[_Scored]) -> list[_Scored]:
+    """Mistakes that have no row in common, those that gain most first."""
+    taken: set[tuple[int, int]] = set()
+    chosen = []
+    for one in sorted(some, key=lambda other: -other.gain):
+        rows = {(number, row) for number, own, _ in one.candidate.parts for row in own.tolist()}
+        if not rows & taken:
+            chosen.append(one)
+            taken |= rows
+    return chosen
+
+
+def _together(chosen: Sequence[_Scored]) -> _Scored:
+    """Several mistakes of one kind as one cause."""
+    parts = tuple(part for one in chosen for part in one.candidate.parts)
+    things = tuple(dict.fromkeys(name for one in chosen for name in one.candidate.things))
+    lines = "; ".join(one.candidate.line for one in chosen)
+    together = chosen[0].candidate._replace(things=things, line=lines, parts=parts, amount=None)
+    gain = sum(one.gain for one in chosen)
+    freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
+    log_p, length = float(log_p_chi2(gain, max(freedom, 1))), sum(one.length for one in chosen)
+    return _Scored(together, np.zeros(0), gain, length, log_p, freedom)
 
 
 def _after_step(quality: Quality) -> Quality:
@@ -887,14 +924,7 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
         if len(chosen) == _JOINED:
             too_many.add(cause)
         elif len(chosen) > 1:
-            parts = tuple(part for one in chosen for part in one.candidate.parts)
-            things = tuple(dict.fromkeys(name for one in chosen for name in one.candidate.things))
-            lines = "; ".join(one.candidate.line for one in chosen)
-            together = chosen[0].candidate._replace(things=things, line=lines, parts=parts, amount=None)
-            gain = sum(one.gain for one in chosen)
-            freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
-            log_p, length = float(log_p_chi2(gain, max(freedom, 1))), sum(one.length for one in chosen)
-            found.append(_Scored(together, np.zeros(0), gain, length, log_p, freedom))
+            found.append(_together(chosen))
     return found, too_many
 
 

@@ -57,6 +57,20 @@ def test_a_common_offset_of_distances_is_named_with_its_amount(tmp_path: Path) -
     assert abs(found[0].amount.value) == pytest.approx(0.03, abs=0.003)
 
 
+def test_two_levelling_lines_that_are_left_out_are_named_together(tmp_path: Path) -> None:
+    building = survey("building")
+    turned = [row for row in building.tables["levelling.csv"] if row["from"] in ("N2", "HB2")]
+    for row in turned:
+        row["dz"] = f"{-float(row['dz']):.4f}"
+    solved = _solved(building.write(tmp_path))
+    assert solved.suspects is not None
+    assert solved.suspects.count == len(turned) == 2
+    best = solved.possible_causes[0]
+    assert (best.cause, best.parameters) == ("levelling sign", 0)
+    assert set(best.things) == {"N2", "HB2", "N3"}
+    assert len(best.rows) == 2
+
+
 def test_misclosures_of_levelling_do_not_tell_the_unit_of_its_heights() -> None:
     """Millimetres for metres would make every misclosure a thousand times smaller."""
     rows = [
