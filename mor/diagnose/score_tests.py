@@ -536,8 +536,8 @@ def _wrong_names(
 ) -> Iterator[_Candidate]:
     found: list[Match] = []
     names = max((len(things.ids) for things in network.things.values()), default=1)
-    # In small networks 20 000 names are tried for the rows of a table; in larger ones as many as there are observations,
-    # up to two million.
+    # Names that are tried for the rows of a table: 20 000 in small networks, and in larger ones as many as there are
+    # observations, up to two million; for one row in any case.
     most = min(ROWS, max(min(max(20_000, network.observations), 2_000_000) // max(names, 1), 1))
     for number, group in enumerate(network.groups):
         if len(group.references) < 2 or group.type.between_marks:
