@@ -891,7 +891,7 @@ class Sample:
     def records(self) -> list[str]:
         """The first lines that are not empty, without the control characters of a serial line."""
         lines = self.text.split("\n")
-        lines = lines[:-1] if len(self.head) == _RECOGNITION_HEAD else lines
+        lines = lines[:-1] if len(self.head) == _RECOGNITION_HEAD and len(lines) > 1 else lines
         # Lines that tell a format of records.
         enough_lines = 40
         return [bare for line in lines if (bare := line.strip("\0\1\2\3\4\x1a\r")).strip()][:enough_lines]

@@ -105,6 +105,7 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
         ("levels.txt", "7 8 0.5 60\n8 9 1.5 60\n", "like observations of JAG3D (from, to, values)"),
         ("levels.txt", "7,8,0.5\n8,9,1.5\n", "a table of 3 columns without a header, like observations of JAG3D"),
         ("points.txt", "7 100.25\n8 100.5\n", "a table of 2 columns without a header, like a list of points"),
+        ("a.txt", "one line longer than what is looked at " * 10_000, "text that begins with 'one line longer"),
     ],
 )
 def test_unknown_files_are_answered_with_what_they_look_like(tmp_path: Path, name: str, text: str, words: str) -> None:
