@@ -144,6 +144,16 @@ def test_a_rig_is_a_pair(tmp_path: Path) -> None:
     assert "1 image point of no object point" in " ".join(map(str, document.notes))
 
 
+def test_image_points_of_no_object_point_may_have_no_coordinates(tmp_path: Path) -> None:
+    """Undistortion loses points far outside of the image: COLMAP writes them as nan."""
+    folder = _rig(tmp_path, "30 40 -1", "nan nan -1")
+    assert read_foreign(folder).frames["images"].height == 4
+    text = (folder / "images.txt").read_text()
+    (folder / "images.txt").write_text(text.replace("50 60 2", "nan nan 2"))
+    with pytest.raises(InputError, match=r"'left 1\.jpg': an image coordinate is not a number"):
+        read_document(folder)
+
+
 def test_a_point_twice_in_an_image_is_told_without_a_line(tmp_path: Path) -> None:
     """The rows of a model's image points are no lines of its files."""
     network = read_network(read_document(_rig(tmp_path, "40 -1 50", "40 1 50")), tmp_path)

@@ -484,7 +484,7 @@ def _wrong(image: ColmapImage, cameras: set[int]) -> str:
     numbers = [*image.pose.quaternion, *image.pose.translation]
     if not usable(numbers) or np.linalg.norm(image.pose.quaternion) < 1e-6:
         return "its pose is invalid: found a number beyond 1e30, or a matrix that is not a rotation"
-    if not usable(image.xy):
+    if not usable(image.xy[image.points != NO_POINT]):
         return "an image coordinate is not a number up to 1e30"
     return ""
 
