@@ -159,7 +159,10 @@ def _likely_names(path: Path, rows: Cells, listed: Mapping[str, int]) -> list[st
     is_name = [not all(map(NUMBER.fullmatch, cells)) or all(map(str.isdecimal, cells)) for cells in columns]
     is_name[0] |= len(set(columns[0])) == len(rows) and all(cell.lstrip("-").isdecimal() for cell in columns[0])
     names = next((k for k, is_one in enumerate(is_name) if not is_one), len(columns))
-    names = min(names, sexagesimal or names, 3)
+    names = min(names, sexagesimal or names)
+    if names > 3:
+        # The last three may be points; a set, a number or a code stands in front of them.
+        return ["-", *_likely_names(path, tuple(row[1:] for row in rows), listed)]
     falls = [any(cell.startswith("-") for cell in cells) for cells in columns[names:]]
     is_network = names > 1 and not set(columns[0]).isdisjoint({*columns[1], *listed})
     is_short = any(0.0 < abs(number_in(cell) or 0.0) < 1.0 for cell in columns[min(names, len(columns) - 1)])

@@ -140,6 +140,8 @@ def test_texts_that_are_not_utf_8(text: str, encoding: str) -> None:
         ("t", "2,1,3,319.51\n2,1,4,348.66\n", "4: 319.51, 348.66", "from,at,to,angle"),
         ("dirs", "1,2,100.34\n2,1,66.55\n", "3: 100.34, 66.55", "station,to,horizontal"),
         ("t", "1,4,0.05,1\n4,2,1.05,2\n", "3: 0.05, 1.05", "from,to,dz,length"),
+        ("t", "S1 LEN A B 61.5\nS2 LEN B C 59.6\n", "1: S1, S2; 2: LEN", "-,-,from,to,distance"),
+        ("t", "S1 ANG A P B 5.56\nS2 ANG P Q C 0.82\n", "1: S1, S2; 2: ANG", "-,-,from,at,to,angle"),
     ],
 )
 def test_a_table_without_a_header_is_asked_about(tmp_path: Path, name: str, text: str, shown: str, likely: str) -> None:
@@ -149,6 +151,12 @@ def test_a_table_without_a_header_is_asked_about(tmp_path: Path, name: str, text
     assert shown in message
     assert message.endswith(f"mor new PROJECT {name}.txt --columns {name}.txt {likely}")
     assert mor("new", tmp_path / "p.yaml", tmp_path / f"{name}.txt", "--columns", f"{name}.txt", likely).code == 0
+
+
+def test_targets_in_images(tmp_path: Path) -> None:
+    header = "camera_name,image_name,target_id,x_image,y_image"
+    (table,) = recognise(tmp_path / "t.csv", f"{header}\nc,a.jpg,135,1221.35,437.85\n")
+    assert (table.kind, table.texts("point"), table.numbers("x")) == ("image", ["135"], [1221.35])
 
 
 def test_points_that_no_column_names(tmp_path: Path) -> None:
