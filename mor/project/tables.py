@@ -769,11 +769,14 @@ def component_columns(components: Iterable[Component], edge: Edge) -> list[Colum
 def component_rows(
     rows: Rows, components: Sequence[Component], fixed: Sequence[str], common_sigma: FloatArray | None = None
 ) -> Statuses:
-    """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed."""
+    """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed; ``common_sigma`` (n,) is of given values."""
     values = np.stack([rows.number(c.name) for c in components], axis=1)
     sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
     if common_sigma is not None:
-        sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
+        # The common σ is that of the given components; a row without any shows the mistake at all of them.
+        given = ~np.isnan(values)
+        given |= ~given.any(axis=1, keepdims=True)
+        sigma = np.where(np.isnan(sigma) & given, common_sigma[:, None], sigma)
         rows.tell_where(common_sigma < 0.0, "sigma: found a negative σ, expected a σ ≥ 0")
         sigma[common_sigma < 0.0] = np.nan
     for k, component in enumerate(components):

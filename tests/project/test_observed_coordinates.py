@@ -101,3 +101,14 @@ def test_what_is_fixed_cannot_be_observed_by_itself(axes, level, tmp_path):
     told = [problem.message.partition(":")[0] for problem in found.value.problems]
     tilts = ["tilt_x, tilt_y of frame 'S' are fixed"] if level == "fixed" else []
     assert told == ["x of point 'A' is fixed", "y of point 'E' is fixed", *tilts]
+
+
+def test_a_common_sigma_is_that_of_the_coordinates_given(tmp_path):
+    points = '[[A, "", "", "30", 0.01], [B, "11", "22", "", 0.02], [C, "", "", "", ""]]'
+    text = "mor: 1\npoints: [{columns: [id, x, y, z, sigma], rows: ROWS}]\ndatum: free\nobservations:\n"
+    text += "  - {type: distance, columns: [from, to, distance], rows: [[A, B, 5], [B, C, 5]], values: {sigma: 1}}"
+    network = network_of_yaml(text.replace("ROWS", points), tmp_path)
+    nan = np.nan
+    np.testing.assert_equal(network.sigma["point"], [[nan, nan, 0.01], [0.02, 0.02, nan], [nan, nan, nan]])
+    with pytest.raises(InputError, match="x has a σ but no value"):
+        network_of_yaml(text.replace("ROWS", points.replace('"", ""]]', '"", 0.01]]')), tmp_path)
