@@ -769,7 +769,7 @@ def component_columns(components: Iterable[Component], edge: Edge) -> list[Colum
 def component_rows(
     rows: Rows, components: Sequence[Component], fixed: Sequence[str], common_sigma: FloatArray | None = None
 ) -> Statuses:
-    """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed; ``common_sigma`` (n,) is of given values."""
+    """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed; ``common_sigma`` (n,) for given values."""
     values = np.stack([rows.number(c.name) for c in components], axis=1)
     sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
     if common_sigma is not None:
