@@ -51,6 +51,8 @@ _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
+_OF_SEVERAL = ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved")
+"""Causes of which several may have come together: the same person, the same day."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
@@ -150,7 +152,7 @@ def _explaining(
 ) -> tuple[ScoredHypothesis, ...]:
     """Definite mistakes in most of the suspects (n, m) of each group that explain nearly all of their misclosures.
 
-    Several of one kind in different rows count together.
+    If none does alone, several of one kind in different rows count together.
     """
     problem, values = quality.adjustment.problem, quality.adjustment.values
     candidates = [one for one in _candidates(problem, network, values, quality, doubtful) if one.definite]
@@ -175,8 +177,10 @@ def _explaining(
                 found.append(scored)
             else:
                 in_part.setdefault(one.cause, []).append(scored)
-    for some in in_part.values():
-        together = _together(_apart(some))
+    for cause in _OF_SEVERAL if not found else ():
+        if cause not in in_part:
+            continue
+        together = _together(_apart(in_part[cause]))
         if sum(int(np.count_nonzero(suspects[k][own])) for k, own, _ in together.candidate.parts) > most:
             found.append(together)
     return _causes(found)
@@ -916,8 +920,7 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
     """
     found: list[_Scored] = []
     too_many: set[str] = set()
-    # Causes of which several may have come together: the same person, the same day.
-    for cause in ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved"):
+    for cause in _OF_SEVERAL:
         some = [one for one in candidates if one.cause == cause]
         if len(some) < 2 or len(some) * quality.adjustment.problem.index.count > _ENTRIES:
             continue
