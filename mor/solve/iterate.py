@@ -247,10 +247,9 @@ class _Toward(NamedTuple):
 
 def _toward_points(plan: Plan, values: Values, moved: Values) -> Iterator[_Toward]:
     """Yield what :func:`moved_by` needs of so many points as stay in the cache, and axis by axis, which is quicker."""
-    before, after = values["point"], moved["point"]
     points, cameras = plan.seen_points
     for some in pieces(len(points), 4096):
-        here, seen_from = points[some], cameras[some]
+        here, seen_from, before, after = points[some], cameras[some], values["point"], moved["point"]
         camera = after.take(seen_from, axis=0).T
         r = (before.take(here, axis=0) - before.take(seen_from, axis=0)).T
         change = after.take(here, axis=0).T - camera - r
