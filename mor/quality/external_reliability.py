@@ -302,7 +302,7 @@ def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows
 def residuals_of_table(adjustment: Adjustment, number: int, z: FloatArray) -> FloatArray:
     """R z (n, m, k) of a table without correlations, for whitened z (n, m, k) in all of its rows and 0 elsewhere.
 
-    Two passes over all rows take its place, where the design matrix of so many would take more memory than they have.
+    Two passes over the network do it without the design matrix of the table, which takes more memory than all else.
     """
     plan, rays, count = adjustment.plan, adjustment.plan.rays, z.shape[2]
     right, below = np.zeros((adjustment.problem.index.count, count)), np.zeros((len(plan.kept), count))
