@@ -71,6 +71,18 @@ def test_two_levelling_lines_that_are_left_out_are_named_together(tmp_path: Path
     assert len(best.rows) == 2
 
 
+def test_exchanged_names_are_named_if_only_the_worst_image_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    building = survey("building")
+    rows = [row for row in building.tables["image_points.csv"] if row["image"] == "B11"]
+    one, other = rows[3], rows[9]
+    one["point"], other["point"] = other["point"], one["point"]
+    monkeypatch.setattr("mor.diagnose.score_tests._THINGS", 1)
+    named = {(cause.cause, frozenset(cause.things)) for cause in _solved(building.write(tmp_path)).possible_causes}
+    assert ("names exchanged", frozenset({"B11", one["point"], other["point"]})) in named
+
+
 def test_misclosures_of_levelling_do_not_tell_the_unit_of_its_heights() -> None:
     """Millimetres for metres would make every misclosure a thousand times smaller."""
     rows = [
