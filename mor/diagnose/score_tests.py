@@ -177,10 +177,8 @@ def _explaining(
                 found.append(scored)
             else:
                 in_part.setdefault(one.cause, []).append(scored)
-    for cause in _OF_SEVERAL if not found else ():
-        if cause not in in_part:
-            continue
-        together = _together(_apart(in_part[cause]))
+    for some in [] if found else [in_part[cause] for cause in _OF_SEVERAL if cause in in_part]:
+        together = _together(_apart(some))
         if sum(int(np.count_nonzero(suspects[k][own])) for k, own, _ in together.candidate.parts) > most:
             found.append(together)
     return _causes(found)

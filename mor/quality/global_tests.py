@@ -99,7 +99,7 @@ class GroupEffect(NamedTuple):
 
 
 ROWS_OF_A_LONG_TABLE = 50_000
-"""Rows of a table from which on two passes over the network take less time than the design matrix of the table."""
+"""Rows of a table from which on passes over the network replace its design matrix: 25 MB for so many image points."""
 
 
 def common_effects(
