@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 from mor.errors import OutOfMemoryError
 
 ENVIRONMENT = "MOR_MEMORY_MB"
 """Environment variable that says how much the process may take in all, in place of what the system says."""
 _MB = 1e6
+Thing = TypeVar("Thing")
+Made = TypeVar("Made")
 
 
 def processors() -> int:
@@ -38,6 +43,19 @@ def processors_used(count: int) -> Iterator[None]:
         yield
     finally:
         _USED.pop()
+
+
+def worked_ahead(things: Iterable[Thing], work: Callable[[Thing], Made]) -> Iterator[Made]:
+    """What the work makes of each thing, in order; as many are worked on at a time as there are processors."""
+    workers = processors()
+    waiting: deque[Future[Made]] = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        for thing in things:
+            waiting.append(pool.submit(work, thing))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
 
 
 def check_room(further: float, phase: str, advice: str) -> None:

@@ -104,6 +104,17 @@ class Quality:
         """vᵀPv."""
         return self.adjustment.normals.objective
 
+    @cached_property
+    def size(self) -> float:
+        """Median distance of points from their median (see :func:`median_distance`)."""
+        return median_distance(self.adjustment)
+
+    @cached_property
+    def longest_axes(self) -> FloatArray:
+        """(n,) roots of the largest eigenvalues of the cofactors of the point blocks."""
+        values = rotations.eigvalsh(np.nan_to_num(self.cofactors["point"]))[:, -1]
+        return np.sqrt(np.maximum(values, 0.0))
+
 
 def assess(
     adjustment: Adjustment, levels: Levels | None = None, aposteriori: bool = True, done: Done | None = None
@@ -204,7 +215,7 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
     Cameras come before what their constants move. σ are those of :func:`sigma_of_geometry`.
     """
     problem, found, factor = quality.adjustment.problem, [], sigma_of_geometry(quality)
-    size = _BEYOND_MEDIAN * median_distance(quality.adjustment)
+    size = _BEYOND_MEDIAN * quality.size
     lengths = ("point", "base")  # kinds of blocks whose components are lengths
     for kind, columns in problem.index.columns.items():
         limit = size if kind in lengths else NOTHING_KNOWN if kind == "rotation" else np.inf
@@ -247,7 +258,7 @@ def sigma_of_geometry(quality: Quality) -> float:
     if quality.sigma0 >= 1.0:
         return 1.0
     adjustment = quality.adjustment
-    size, relative = median_distance(adjustment), []
+    size, relative = quality.size, []
     for group in adjustment.problem.groups if size > 0.0 else ():
         slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
         if not slots or group.count == 0:

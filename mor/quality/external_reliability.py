@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mor.model import rotations
+from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Quality
 from mor.quality.redundancy import Reliability
-from mor.quality.test_statistics import comparable, in_pieces, least_alike
+from mor.quality.test_statistics import comparable, in_pieces, largest_entries
 from mor.solve.elimination import RayChunk, ray_chunks
 from mor.solve.iterate import Adjustment
 from mor.solve.normals import RowSet, add_to_others, image_of_rays, reduce_right_hand_side, reduced_columns
@@ -147,11 +148,18 @@ class NormalEquationSolver(NamedTuple):
 
     def solve(self, right: FloatArray) -> FloatArray:
         """x (c, k) of N x = b at the unknowns, for b (c, k) there and 0 elsewhere, in the range of N."""
-        inverse, plan, columns = self.adjustment.inverse, self.adjustment.plan, self.columns
+        inverse, count = self.adjustment.inverse, right.shape[1]
         if self.points is None:
-            whole = np.zeros((self.adjustment.problem.index.count, right.shape[1]))
-            whole[columns] = right
-            return inverse.solve(whole)[columns]
+            whole = np.zeros((self.adjustment.problem.index.count, count))
+            whole[self.columns] = right
+            return inverse.solve(whole)[self.columns]
+        at_a_time = max(1, 2_000_000 // max(len(inverse.scale), 1))
+        parts = [self._locally(right[:, some]) for some in pieces(max(count, 1), at_a_time)]
+        return np.concatenate(parts, axis=1)
+
+    def _locally(self, right: FloatArray) -> FloatArray:
+        inverse, plan, columns = self.adjustment.inverse, self.adjustment.plan, self.columns
+        assert self.points is not None
         _, reduced, alone = self._reduced(right)
         kept = plan.reduced[columns] >= 0
         x = np.zeros(right.shape)
@@ -416,25 +424,22 @@ def _chosen(quality: Quality) -> list[ObservationComponent]:
     wanted = min(flagged, 200) or 10
     best: list[tuple[float, ObservationComponent]] = []
     for number, (one, group) in enumerate(zip(quality.reliability, quality.adjustment.problem.groups, strict=True)):
-        size = _sizes(one)
-        size[group.left_out] = 0.0
-        for place, compared in _largest(size.ravel(), wanted):
-            best.append((compared, ObservationComponent(number, *divmod(place, size.shape[1]))))
+        for place, compared in _largest(one, group, wanted):
+            best.append((compared, ObservationComponent(number, *divmod(place, group.observed.shape[1]))))
     best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
 
 
-def _sizes(tests: Reliability) -> FloatArray:
-    return in_pieces(tests.quality.v.shape, lambda rows: np.nan_to_num(np.abs(tests.at(rows).test)))
+def _largest(tests: Reliability, group: ObservationGroup, wanted: int) -> list[tuple[int, float]]:
+    """Places of the largest test values of a group, and those as they are compared; equal ones in their order."""
 
+    def of_rows(rows: slice) -> FloatArray:
+        return np.where(group.left_out[rows], 0.0, np.nan_to_num(np.abs(tests.at(rows).test)))
 
-def _largest(size: FloatArray, wanted: int) -> list[tuple[int, float]]:
-    """Places of the largest of the sizes (n,), and those as they are compared; equal ones in their order."""
-    least = np.partition(size, len(size) - wanted)[len(size) - wanted] if len(size) > wanted else 0.0
-    candidates = np.flatnonzero(size >= least_alike(float(least)))
-    compared = comparable(size[candidates])
+    places, sizes = largest_entries(group.observed.shape, of_rows, wanted)
+    compared = comparable(sizes)
     order = np.argsort(-compared, kind="stable")[:wanted]
-    return [(int(candidates[k]), float(compared[k])) for k in order if compared[k] > 0.0]
+    return [(int(places[k]), float(compared[k])) for k in order if compared[k] > 0.0]
 
 
 def _tested(quality: Quality, entries: list[ObservationComponent]) -> FloatArray:
@@ -483,6 +488,17 @@ def most_at_a_time(quality: Quality) -> int:
     return max(1, 2_000_000 // max(quality.adjustment.problem.index.count, 1))
 
 
+def _least_eigenvalues(Q: FloatArray) -> FloatArray:
+    """(p,) bounds from below of the eigenvalues of cofactor matrices (p, 3, 3), 0 of singular ones.
+
+    The product of two of the three is at most the square of half of their sum.
+    """
+    trace = np.trace(Q, axis1=1, axis2=2)
+    determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
+    above = np.maximum(determinant - _FLAT * trace**3, 0.0)  # without what round-off does to the determinant
+    return 0.5 * np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
+
+
 def carried_points(quality: Quality, entries: list[ObservationComponent]) -> list[IntArray]:
     """Point blocks that each of the observations carries, those first that it carries most of."""
     if not entries:
@@ -491,19 +507,13 @@ def carried_points(quality: Quality, entries: list[ObservationComponent]) -> lis
     columns = problem.index.columns["point"]
     sigma = np.array([problem.groups[e.group].sigma[e.row, e.component] for e in entries])
     moved = movements(quality, entries, sigma)
-    Q = np.nan_to_num(quality.cofactors["point"])
-    # (p,) bounds from below of the eigenvalues of cofactor matrices (p, 3, 3), 0 of singular ones. The
-    # product of two of the three is at most the square of half of their sum. What round-off does to the
-    # determinant is taken off.
-    trace = np.trace(Q, axis1=1, axis2=2)
-    determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
-    above = np.maximum(determinant - _FLAT * trace**3, 0.0)
-    least = 0.5 * np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
+    Q = quality.cofactors["point"]
+    least = in_pieces((len(Q),), lambda rows: _least_eigenvalues(np.nan_to_num(Q[rows])))
     found = []
     for k in range(len(entries)):
         x = np.where(columns >= 0, moved[columns, k], 0.0)
         some = np.flatnonzero(np.einsum("pi,pi->p", x, x) >= least)
-        share = np.sum(np.einsum("pij,pj->pi", _inverse_roots(Q[some]), x[some]) ** 2, axis=1)
+        share = np.sum(np.einsum("pij,pj->pi", _inverse_roots(np.nan_to_num(Q[some])), x[some]) ** 2, axis=1)
         carried = share > 0.5
         order = np.argsort(-np.round(share[carried], 6), kind="stable")
         found.append(some[carried][order])

@@ -86,7 +86,7 @@ def uncontrolled_count(quality: Quality) -> int:
 def reliability_map(quality: Quality, network: Network) -> list[Controlled]:
     """Points first, then images, stations and sets."""
     problem = quality.adjustment.problem
-    axes = np.sqrt(np.maximum(rotations.eigvalsh(np.nan_to_num(quality.cofactors["point"]))[:, -1], 0.0))
+    axes = quality.longest_axes
     points = network.things["point"]
     blocks = points.parts["position"]
     place = np.full(len(axes), -1)
@@ -246,24 +246,20 @@ class _Table(NamedTuple):
 
     number: int
     group: ObservationGroup
-    order: IntArray
-    """Rows with observations: by their place, the most complete row of each first."""
+    rows: IntArray
+    """The most complete row of each place, in ascending order of the places."""
     measured: dict[int, tuple[FloatArray, FloatArray]]
     """What each camera has measured: the smallest and the largest coordinates; empty where it is no table of images."""
 
     def places_without(self, target: int) -> IntArray:
         """One row for each place that does not see the target, the most complete one, in ascending order."""
-        group, order, slot = self.group, self.order, _target_slot(self.group)
-        standpoint = group.references[0].numbers[order]
-        seen = np.zeros(int(group.references[0].numbers.max()) + 1, dtype=bool)
-        seen[standpoint[group.blocks[slot][order] == target]] = True
-        usable = ~seen[standpoint]
+        group, rows, slot = self.group, self.rows, _target_slot(self.group)
+        standpoint = group.references[0].numbers
+        usable = ~np.isin(standpoint[rows], standpoint[(group.blocks[slot] == target) & group.used.any(axis=1)])
         for k, other in enumerate(group.type.slots):
             if other.kind == "point" and k != slot:
-                usable &= group.blocks[k][order] != target
-        rows, standpoint = order[usable], standpoint[usable]
-        first = np.append(True, standpoint[1:] != standpoint[:-1]) if len(rows) else usable[:0]
-        return np.sort(rows[first])
+                usable &= group.blocks[k][rows] != target
+        return np.sort(rows[usable])
 
     def in_view(self, further: ObservationGroup, part: Linearised, values: Values) -> BoolArray:
         """True (k,) where an image would show the target: before it, and inside what its camera has measured."""
@@ -286,17 +282,26 @@ class _Table(NamedTuple):
 
 
 def _table(number: int, group: ObservationGroup) -> _Table:
-    complete = group.mask.sum(axis=1)
-    inside = np.flatnonzero(group.used.any(axis=1))
-    order = inside[np.lexsort((-complete[inside], group.references[0].numbers[inside]))]
     measured = {}
     if group.type.key in OF_IMAGES:
         slots = {(slot.of, slot.part): k for k, slot in enumerate(group.type.slots)}
         interior = group.blocks[slots["image", "interior"]]
         for camera in np.unique(interior).tolist():
-            own = group.observed[interior == camera]
-            measured[camera] = np.fmin.reduce(own, axis=0), np.fmax.reduce(own, axis=0)
-    return _Table(number, group, order, measured)
+            own = (interior == camera)[:, None]
+            low, high = (smallest.reduce(group.observed, where=own, initial=np.nan) for smallest in (np.fmin, np.fmax))
+            measured[camera] = low, high
+    return _Table(number, group, _most_complete_rows(group), measured)
+
+
+def _most_complete_rows(group: ObservationGroup) -> IntArray:
+    complete = np.where(group.used.any(axis=1), across(np.add, group.mask.astype(np.int8)), np.int8(0))
+    standpoint = group.references[0].numbers
+    most = np.zeros(int(standpoint.max()) + 1, dtype=np.int8)
+    np.maximum.at(most, standpoint, complete)
+    rows = np.flatnonzero((complete > 0) & (complete == most[standpoint]))[::-1]
+    first = np.full(len(most), -1)
+    first[standpoint[rows]] = rows  # of several the last that is written: the first row
+    return first[first >= 0]
 
 
 def _target_slot(group: ObservationGroup) -> int:

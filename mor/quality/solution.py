@@ -19,7 +19,6 @@ from mor.quality.assessment import (
     Levels,
     Quality,
     joint_cofactors,
-    median_distance,
     sigma_of_geometry,
     told_by_user,
 )
@@ -193,15 +192,14 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
 def determined(quality: Quality) -> Determination:
     """Return how well the points of an adjustment are determined."""
     adjustment = quality.adjustment
-    size, directions = 2.0 * median_distance(adjustment), len(weak_directions(adjustment, quality))
+    size, directions = 2.0 * quality.size, len(weak_directions(adjustment, quality))
     if "point" not in quality.cofactors or size == 0.0:
         return Determination(size, 0, 0.0, 0.0, (), directions)
     index = adjustment.problem.index
     judged = np.flatnonzero((index.columns["point"] >= 0).any(axis=1) & ~told_by_user(quality, "point"))
     if len(judged) == 0:
         return Determination(size, 0, 0.0, 0.0, (), directions)
-    variance = rotations.eigvalsh(quality.cofactors["point"][judged])[:, -1]
-    sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
+    sigma = sigma_of_geometry(quality) * quality.longest_axes[judged]
     order = np.argsort(-sigma, kind="stable")
     order = order[sigma[order] > LARGEST_SIGMA * size]
     ids = index.blocks["point"].ids

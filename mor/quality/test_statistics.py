@@ -23,7 +23,7 @@ from scipy.special import (
 )
 
 from mor.model import rotations
-from mor.types import BoolArray, FloatArray, IntArray, SmallestIntArray
+from mor.types import BoolArray, FloatArray, IntArray, SmallestIntArray, pieces
 
 # ---- Arrays of many observations worked out a piece at a time, so that what stands between takes no room.
 
@@ -43,6 +43,24 @@ def in_pieces(shape: tuple[int, ...], work: Callable[[slice], Found]) -> Found:
         rows = slice(start, start + ROWS_AT_A_TIME)
         result[rows] = work(rows)
     return result
+
+
+def largest_entries(
+    shape: tuple[int, int], work: Callable[[slice], FloatArray], count: int
+) -> tuple[IntArray, FloatArray]:
+    """Places (k,) in the flat array (n, m) that the work finds, and sizes, of the ``count`` largest and all like them.
+
+    Those are alike that :func:`comparable` makes the same number.
+    """
+    places, sizes = np.zeros(0, dtype=np.int64), np.zeros(0)
+    for rows in pieces(shape[0], ROWS_AT_A_TIME):
+        size = work(rows).ravel()
+        places = np.concatenate([places, rows.start * shape[1] + np.arange(len(size))])
+        sizes = np.concatenate([sizes, size])
+        if len(sizes) > count:
+            kept = sizes >= least_alike(float(np.partition(sizes, -count)[-count]))
+            places, sizes = places[kept], sizes[kept]
+    return places, sizes
 
 
 def sum_of_known(shape: tuple[int, int], work: Callable[[slice], FloatArray]) -> float:

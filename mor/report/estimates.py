@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 
 from mor.errors import UndeterminedObject
+from mor.machine import worked_ahead
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import places_of
 from mor.model.images import is_image_point
@@ -176,19 +177,37 @@ XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
 
 
+def has_many_points(solved: Solved) -> bool:
+    """True if the table of points is too long to be in memory as a whole."""
+    return len(solved.network.things["point"].ids) > ROWS_AT_A_TIME
+
+
 @once
 def point_table(solved: Solved) -> pl.DataFrame:
     """Object points: coordinates, σ, axes of the error ellipsoid, correlations, number of rays and observations."""
-    things = solved.network.things["point"]
-    numbers = things.parts["position"]
-    rays, others = _observations_of_points(solved)
-    columns: dict[str, Any] = {"id": list(things.ids)}
-    columns["rays"] = rays[numbers]
-    columns["others"] = others[numbers]
+    return pl.concat(points_in_pieces(solved))
+
+
+def points_in_pieces(solved: Solved) -> Iterator[pl.DataFrame]:
+    """Yield the table of points, so many rows at a time."""
+    seen = _observations_of_points(solved)
+    # What a row is made from takes eight times its room.
+    rows = pieces(max(len(solved.network.things["point"].ids), 1), ROWS_AT_A_TIME // 8)
+    return worked_ahead(rows, lambda some: _rows_of_points(solved, some, seen))
+
+
+def empty_point_table(solved: Solved) -> pl.DataFrame:
+    """The table of points without rows."""
+    return _rows_of_points(solved, slice(0), _observations_of_points(solved))
+
+
+def _rows_of_points(solved: Solved, some: slice, seen: tuple[IntArray, IntArray]) -> pl.DataFrame:
+    things, network = solved.network.things["point"], solved.network
+    numbers = things.parts["position"][some]
+    columns: dict[str, Any] = dict(zip(("rays", "others"), (counts[numbers] for counts in seen), strict=True))
     columns |= control_of_points(solved, numbers)
     # Free, partly fixed, fixed, or what was done about what nothing determines: blocks (n,).
     kind = "point"
-    network = solved.network
     free = network.blocks[kind].free[numbers]
     status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
     if kind in network.absent:
@@ -196,13 +215,10 @@ def point_table(solved: Solved) -> pl.DataFrame:
         status = np.where(np.isin(numbers, list(network.directions)), 4, status)
     statuses = ("fixed", "partly fixed", "free", "left out", "at infinity")
     columns["status"] = pl.Series(statuses).gather(status)
-    beside = _frame(columns)
-    # The covariances of some points are in memory at a time.
-    parts = [_estimated(solved, numbers[some]) for some in pieces(max(len(numbers), 1), ROWS_AT_A_TIME)]
-    return pl.concat([beside.select("id"), pl.concat(parts), beside.drop("id")], how="horizontal")
+    return _frame({"id": list(things.ids[some]), **_estimated(solved, numbers), **columns})
 
 
-def _estimated(solved: Solved, numbers: IntArray) -> pl.DataFrame:
+def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
     """Coordinates, σ, ellipsoids and correlations of points."""
     estimate = points(solved, numbers)
     columns = _with_sigma(estimate, XYZ)
@@ -213,7 +229,38 @@ def _estimated(solved: Solved, numbers: IntArray) -> pl.DataFrame:
     absent = np.isnan(estimate.values).all(axis=1)
     if absent.any():
         columns = {name: np.where(absent, np.nan, column) for name, column in columns.items()}
-    return _frame(columns)
+    return columns
+
+
+class PointSummary(NamedTuple):
+    """What reports say of all points together."""
+
+    shown: pl.DataFrame
+    """The first rows of the table."""
+    rms: list[float | None]
+    """Root mean squares of σ of x, y, z over the points with unknown coordinates; nothing where none has a σ."""
+    weakest: dict[str, Any] | None
+    """Row of the point with the longest semi-axis; nothing where no coordinates are unknown."""
+
+
+SHOWN_POINTS = 2000
+"""Points a text report lists; the full table stands beside it."""
+
+
+@once
+def point_summary(solved: Solved) -> PointSummary:
+    """Summary of the points."""
+    tables = points_in_pieces(solved) if has_many_points(solved) else iter([point_table(solved)])
+    shown: list[pl.DataFrame] = []
+    sigmas: list[pl.DataFrame] = []
+    weakest: list[dict[str, Any]] = []
+    for table in tables:
+        shown.append(table.head(0 if shown else SHOWN_POINTS))
+        free = free_rows(table)
+        sigmas.append(free.select("sx", "sy", "sz"))
+        weakest += free[[free["ellipsoid_a"].arg_max() or 0]].to_dicts() if free.height else []
+    worst = max(weakest, key=lambda row: row["ellipsoid_a"] or 0.0, default=None)
+    return PointSummary(shown[0], rms_sigma(pl.concat(sigmas)), worst)
 
 
 def free_rows(points: pl.DataFrame) -> pl.DataFrame:
@@ -221,9 +268,9 @@ def free_rows(points: pl.DataFrame) -> pl.DataFrame:
     return points.filter(points["status"].is_in(["free", "partly fixed"]))
 
 
-def rms_sigma(points: pl.DataFrame) -> list[float | None]:
-    """Root mean squares of σ of x, y, z over the points with unknown coordinates; nothing where none has a σ."""
-    sigmas = [free_rows(points)[f"s{axis}"].cast(pl.Float64).drop_nulls().to_numpy() for axis in "xyz"]
+def rms_sigma(free: pl.DataFrame) -> list[float | None]:
+    """Root mean squares of σ of x, y, z over points with unknown coordinates; nothing where none has a σ."""
+    sigmas = [free[f"s{axis}"].cast(pl.Float64).drop_nulls().to_numpy() for axis in "xyz"]
     return [float(np.sqrt(np.mean(sigma**2))) if len(sigma) else None for sigma in sigmas]
 
 
@@ -397,11 +444,10 @@ def variance_components(solved: Solved) -> dict[str, Any] | None:
 
 
 def _largest(tests: Reliability, inside: BoolArray) -> float | None:
-    def of_rows(rows: slice) -> FloatArray:
+    largest = -1.0
+    for rows in pieces(len(inside), ROWS_AT_A_TIME):
         size = np.abs(tests.at(rows).test)
-        return np.where(inside[rows] & np.isfinite(size), size, -1.0)
-
-    largest = float(in_pieces(inside.shape, of_rows).max(initial=-1.0))
+        largest = max(largest, float(np.where(inside[rows] & np.isfinite(size), size, -1.0).max(initial=-1.0)))
     return largest if largest >= 0.0 else None
 
 

@@ -28,7 +28,7 @@ from mor.quality.test_statistics import (
     ObservationQuality,
     chi2_level,
     comparable,
-    in_pieces,
+    largest_entries,
     least_alike,
     log_p_chi2,
     log_p_normal,
@@ -248,11 +248,12 @@ def named_places(group: ObservationGroup) -> dict[str, Names]:
 
 def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     """The rows of the table of residuals with the largest |w|, the worst first, equal ones in their order."""
-    parts = []
-    found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
-    largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
+    parts, groups = [], solved.adjustment.problem.groups
+    found = [_largest(solved, number, count) for number in range(len(groups))]
+    largest = np.sort(np.concatenate([np.zeros(0), *(sizes for _, sizes in found)]))[-count:]
     limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
-    for number, rows in enumerate([np.flatnonzero(size >= limit) for size, _ in found]):
+    for number, (places, sizes) in enumerate(found):
+        rows = np.unique(places[sizes >= limit] // groups[number].observed.shape[1])
         if len(rows):
             parts.append(table_of(assessed_rows(solved, number, rows)))
     if not parts:
@@ -261,25 +262,13 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     return table[np.argsort(-comparable(np.abs(table["w"].to_numpy())), kind="stable")[:count]]
 
 
-def _sizes(solved: Solved, number: int, count: int) -> tuple[FloatArray, FloatArray]:
-    """Largest |w| (n,) of each row of a group, −1 where there is none, and the largest of all."""
-    quality, group = solved.quality, solved.adjustment.problem.groups[number]
-    if quality is None:
-        return np.full(group.count, -1.0), np.zeros(0)
-    tests = quality.reliability[number]
-    tops = [np.zeros(0)]
-
-    def of_rows(rows: slice) -> FloatArray:
-        size: FloatArray = np.nan_to_num(np.abs(tests.at(rows).test), nan=-1.0)
-        tops.append(_top(size.ravel(), count))
-        tops[:] = [_top(np.concatenate(tops), count)]
-        return np.asarray(size.max(axis=1))
-
-    return in_pieces((group.count,), of_rows), tops[0]
-
-
-def _top(sizes: FloatArray, count: int) -> FloatArray:
-    return np.partition(sizes, len(sizes) - count)[len(sizes) - count :] if len(sizes) > count else sizes
+def _largest(solved: Solved, number: int, count: int) -> tuple[IntArray, FloatArray]:
+    """Places of the largest |w| of a group in its flat array, and those; −1 where there is none."""
+    if solved.quality is None:
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
+    tests = solved.quality.reliability[number]
+    shape = solved.adjustment.problem.groups[number].observed.shape
+    return largest_entries(shape, lambda rows: np.nan_to_num(np.abs(tests.at(rows).test), nan=-1.0), count)
 
 
 def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, int]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -17,7 +16,7 @@ from mor.errors import UndeterminedObject
 from mor.input_files import inputs_of_run
 from mor.linalg.compilation import as_here, kernels_used
 from mor.long_arrays import is_limited
-from mor.machine import processors
+from mor.machine import worked_ahead
 from mor.model.parameters import INTERIORS, Values
 from mor.output_files import Content, Writer, listed_files, write_content
 from mor.project.document import Document, any_unsafe, csv_lines, write_csv
@@ -25,13 +24,12 @@ from mor.project.network import Network
 from mor.quality.solution import Solved
 from mor.report import estimates
 from mor.report.adjusted_project import Placed, adjusted_project, remarks
-from mor.report.estimates import image_table, point_table
+from mor.report.estimates import image_table
 from mor.report.identity import FILE, RunIdentity, identity_of, may_write, note_rows, readme
 from mor.report.language import LANGUAGES, words_of
 from mor.report.observations import (
     SCHEMA,
     SHOWN,
-    AssessedRows,
     assessed_pieces,
     check_rows,
     fixed_point_rows,
@@ -73,7 +71,7 @@ def results(
         "notes": note_rows(solved.network.notes, of.folder),
         "verdict": verdict_rows(solved),
         "reliability": reliability_rows(solved),
-        "points": _rows(point_table(solved), beside),
+        "points": None if beside and _points(solved) > INLINE else estimates.point_table(solved).to_dicts(),
         "images": None if listed is None else [{**row, **interiors.get(row["id"], {})} for row in listed],
         "motions": estimates.motion_table(solved).to_dicts(),
         "epochs": estimates.epoch_rows(solved),
@@ -98,6 +96,10 @@ def results(
         "files": list(files or ()),
         "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
     }
+
+
+def _points(solved: Solved) -> int:
+    return len(solved.network.things["point"].ids)
 
 
 def entries(solved: Solved) -> int:
@@ -145,7 +147,6 @@ def memory_of_reports(network: Network, html: bool, tables: Literal["none", "wor
 
 # ---- Tables as files: CSV or Parquet, the long one piece by piece.
 
-Made = TypeVar("Made")
 Format = Literal["csv", "parquet"]
 Done = Callable[[int], None]
 """Told how many more rows are written."""
@@ -179,25 +180,42 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     def csv(path: Path) -> None:
         with path.open("wb") as file:
             file.write((",".join(SCHEMA) + "\n").encode())
-            for height, text in _ahead(assessed_pieces(solved), lambda rows: _csv_lines(table_of(rows), unsafe)):
+            for height, text in worked_ahead(assessed_pieces(solved), lambda rows: _csv_lines(table_of(rows), unsafe)):
                 file.write(text)
                 done(height)
 
     def pieces() -> Iterator[pl.DataFrame]:
-        for piece in _ahead(assessed_pieces(solved), table_of):
+        for piece in worked_ahead(assessed_pieces(solved), table_of):
             yield piece
             done(piece.height)
 
-    def parquet(path: Path) -> None:
-        def source(
-            columns: list[str] | None, predicate: pl.Expr | None, rows: int | None, batch: int | None
-        ) -> Iterator[pl.DataFrame]:
-            return pieces()
+    return (lambda path: _write_parquet(pieces(), SCHEMA, path)) if kind == "parquet" else csv
 
-        whole = register_io_source(source, schema=SCHEMA)
-        whole.sink_parquet(path, compression_level=_LEVEL, row_group_size=_TABLES_FILES_ROWS_TOGETHER)
 
-    return parquet if kind == "parquet" else csv
+def _write_parquet(pieces: Iterator[pl.DataFrame], schema: Mapping[str, Any], path: Path) -> None:
+    def source(
+        columns: list[str] | None, predicate: pl.Expr | None, rows: int | None, batch: int | None
+    ) -> Iterator[pl.DataFrame]:
+        return pieces
+
+    whole = register_io_source(source, schema=schema)
+    whole.sink_parquet(path, compression_level=_LEVEL, row_group_size=_TABLES_FILES_ROWS_TOGETHER)
+
+
+def point_writer(solved: Solved, kind: Format) -> Writer:
+    """Writer of the table of points; a long one is never in memory as a whole."""
+
+    def write(path: Path) -> None:
+        if not estimates.has_many_points(solved):
+            table_writer(estimates.point_table(solved), kind)(path)
+        elif kind == "parquet":
+            _write_parquet(estimates.points_in_pieces(solved), estimates.empty_point_table(solved).schema, path)
+        else:
+            with path.open("wb") as file:
+                for number, piece in enumerate(estimates.points_in_pieces(solved)):
+                    file.write(csv_lines(piece, header=number == 0))
+
+    return write
 
 
 def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
@@ -211,19 +229,6 @@ def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
         return table.height, csv_lines(shorter, header=False)
     shorter.write_csv(lines, include_header=False)
     return table.height, lines.getbuffer()
-
-
-def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:
-    """Results of ``work`` in order; as many pieces as there are processors are worked on at a time."""
-    workers = processors()
-    waiting: deque[Future[Made]] = deque()
-    with ThreadPoolExecutor(workers) as pool:
-        for piece in pieces:
-            waiting.append(pool.submit(make, piece))
-            if len(waiting) > workers:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
 
 
 # ---- All results of an adjustment, as files.
@@ -358,7 +363,7 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
     """Name and writer of each table that is wanted, by what ``results.json`` calls it."""
     if choice.tables == "none":
         return {}
-    frames: dict[str, Callable[[Solved], pl.DataFrame]] = {"points": point_table, "images": image_table}
+    frames: dict[str, Callable[[Solved], pl.DataFrame]] = {"images": image_table}
     if estimates.found_movements(solved) is not None:
         frames |= {"motions": estimates.motion_table, "movements": estimates.movement_rows}
     if solved.network.trajectories:
@@ -367,9 +372,9 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
         frames["places"] = estimates.place_table
     if choice.tables == "worst":
         frames["residuals_worst"] = lambda solved: worst_residuals(solved, WORST)
-    points = len(solved.network.things["point"].ids)
-    kinds = {key: _kind(choice, points if key in ("points", "places") else 0) for key in frames}
-    tables = {key: (f"{key}.{kinds[key]}", _table_made_late(solved, make, kinds[key])) for key, make in frames.items()}
+    kinds = {key: _kind(choice, _points(solved) if key in ("points", "places") else 0) for key in ("points", *frames)}
+    tables = {"points": (f"points.{kinds['points']}", point_writer(solved, kinds["points"]))}
+    tables |= {key: (f"{key}.{kinds[key]}", _table_made_late(solved, make, kinds[key])) for key, make in frames.items()}
     if choice.tables == "all":
         kind = _kind(choice, entries(solved))
         write = residual_writer(solved, kind, choice.done)

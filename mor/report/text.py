@@ -10,7 +10,7 @@ from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
-from mor.report.estimates import free_rows, group_table, interior_rows, point_table, rms_sigma
+from mor.report.estimates import group_table, interior_rows, point_summary
 from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import ALL, cells, fixed, in_words, paragraphs, short, table
@@ -266,18 +266,17 @@ def _worst(solved: Solved, words: Words) -> list[str]:
 
 
 def _points(solved: Solved, words: Words) -> list[str]:
-    free = free_rows(point_table(solved))
-    if free.height == 0:
+    found = point_summary(solved)
+    if found.weakest is None:
         return []
-    unit, rms = solved.network.project.units.length, zip("XYZ", rms_sigma(free), strict=True)
+    unit, rms = solved.network.project.units.length, zip("XYZ", found.rms, strict=True)
     numbers = ", ".join(f"{name} {words.number(short(value, 3))}" for name, value in rms if value != 0.0)
-    worst = free.row(free["ellipsoid_a"].arg_max() or 0, named=True)
     return [
         words(
             "Points: sigma (rms) {numbers} {unit}; weakest {id}: longest semi-axis {axis} {unit}",
             numbers=numbers,
-            id=worst["id"],
-            axis=short(worst["ellipsoid_a"], 3),
+            id=found.weakest["id"],
+            axis=short(found.weakest["ellipsoid_a"], 3),
             unit=unit,
         )
     ]
@@ -341,7 +340,7 @@ def text_report(
         text_tables.feature_section(solved, words),
         text_tables.section_of_others(solved, words),
         text_tables.place_section(solved, words, **shown),
-        text_tables.point_section(solved, words, **shown),
+        text_tables.point_section(solved, words, full),
         text_tables.ellipse_section(solved, words) if full else "",
         text_tables.relative(solved, words, neighbours=full),
         text_tables.residual_section(solved, words),

@@ -259,27 +259,26 @@ def section_of_others(solved: Solved, words: Words) -> str:
 
 # ---- Points with σ, error ellipsoids and rays.
 
-SHOWN = 2000
-"""Points a text report lists; the full table stands beside it."""
 
-
-def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """One line for each point."""
-    frame = estimates.point_table(solved)
-    if frame.height == 0:
+def point_section(solved: Solved, words: Words = ENGLISH, full: bool = False) -> str:
+    """One line for each point, or for the first of many."""
+    count, found = len(solved.network.things["point"].ids), estimates.point_summary(solved)
+    if count == 0:
         return ""
+    frame = estimates.point_table(solved) if full else found.shown
     unit = solved.network.project.units.length
     d = DIGITS[unit]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
     numbers = " ".join(f"{name}:.{DIGITS[unit]}f" for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a"))
-    rows = [cells(row, f"id {numbers} rays others status") for row in frame.head(shown).to_dicts()]
+    rows = [cells(row, f"id {numbers} rays others status") for row in frame.to_dicts()]
     names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
     headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
     lines = [heading(words("Points (datum: {datum})", datum=datum)), table(headers, rows, words=words)]
-    if frame.height > shown:
-        lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
-    if solved.quality is not None and estimates.free_rows(frame).height:
-        rms = zip("XYZ", estimates.rms_sigma(frame), strict=True)
+    if count > frame.height:
+        more = count - frame.height
+        lines.append(words("{count:more point is|more points are} in the table of points.", count=more))
+    if solved.quality is not None and found.weakest is not None:
+        rms = zip("XYZ", found.rms, strict=True)
         numbers = ", ".join(f"{name} {words.number(fixed(value, d))}" for name, value in rms)
         lines.append(words("Root mean square sigma [{unit}]: ", unit=unit) + numbers)
     return "\n".join(lines)
@@ -501,7 +500,7 @@ def _p(value: float | None) -> str:
 # ---- Points of a network on the earth: coordinates in its reference system, heights, σ east, north, up.
 
 
-def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
+def place_section(solved: Solved, words: Words = ENGLISH, shown: int = estimates.SHOWN_POINTS) -> str:
     """One line for each point, and what the coordinates refer to; nothing if the network is nowhere on the earth."""
     world, frame = solved.network.world, estimates.place_table(solved)
     if world is None or frame.height == 0:

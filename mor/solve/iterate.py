@@ -867,11 +867,15 @@ def _with_curvature(state: Adjustment, change: float) -> Taken | None:
 
 
 def _learnt(state: Adjustment, moved: Adjustment, step: FloatArray) -> Secants:
-    """Return the curvature that a step (u,) has shown; nothing unless residuals stay as large as they are."""
+    """Return the curvature that a step (u,) has shown; nothing unless residuals stay as large as they are.
+
+    What was known before is kept only while steps creep.
+    """
     damped = moved.iterations[-1].damping > 0.0
     if damped or moved.inverse.weak.shape[1] or not residuals_stay(state, moved):
         return NOTHING_LEARNT
-    return state.secants.after(step, state.normals.rhs, moved.normals.rhs)
+    known = state.secants if creeps(state, moved.iterations[-1].largest_change) else NOTHING_LEARNT
+    return known.after(step, state.normals.rhs, moved.normals.rhs)
 
 
 def _gain(state: Adjustment, step: FloatArray) -> float:

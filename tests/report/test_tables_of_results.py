@@ -14,6 +14,7 @@ import pytest
 from mor.api.pipeline import read_document, read_network, solve_network
 from mor.project.document import Document
 from mor.quality.solution import Solved
+from mor.report import estimates
 from mor.report import observations as assessed_rows
 from mor.report import results as results_json
 from mor.report import results as write_module
@@ -21,7 +22,8 @@ from mor.report.estimates import point_table
 from mor.report.identity import RunIdentity
 from mor.report.observations import SCHEMA, observation_table, uncontrolled_residuals, worst_residuals
 from mor.report.output_folder import reserve
-from mor.report.results import Choice, residual_writer, write_results
+from mor.report.results import Choice, point_writer, residual_writer, table_writer, write_results
+from mor.report.units import forget
 from tests.scenarios.small_projects import block, mor, write_block
 
 
@@ -67,6 +69,24 @@ def test_files_hold_what_the_table_has(solved: Solved, tmp_path: Path) -> None:
     again = tmp_path / "again.csv"
     residual_writer(solved, "csv", nothing)(again)
     assert again.read_bytes() == (tmp_path / "r.csv").read_bytes()
+
+
+def test_a_long_table_of_points_is_written_in_pieces(
+    solved: Solved, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    forget(solved)
+    table, summary = point_table(solved), estimates.point_summary(solved)
+    table_writer(table)(tmp_path / "whole.csv")
+    forget(solved)
+    monkeypatch.setattr(estimates, "ROWS_AT_A_TIME", 8)
+    monkeypatch.setattr(estimates, "point_table", lambda solved: pytest.fail("the whole table was made"))
+    found = estimates.point_summary(solved)
+    point_writer(solved, "parquet")(tmp_path / "p.parquet")
+    assert pl.read_parquet(tmp_path / "p.parquet").equals(table)
+    point_writer(solved, "csv")(tmp_path / "p.csv")
+    assert (tmp_path / "p.csv").read_bytes() == (tmp_path / "whole.csv").read_bytes()
+    assert found.shown.equals(table.head(found.shown.height))
+    assert (found.rms, found.weakest) == (summary.rms, summary.weakest)
 
 
 @pytest.mark.usefixtures("small_pieces")
