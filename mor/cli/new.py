@@ -128,7 +128,8 @@ def command(
         texts[schema] = project_schema()
     write_files(texts, force, makes_folders=True)
     for table in found:
-        tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
+        role = ", those with σ as control" if table.kind == "points" and table.has_sigma else ""
+        tell(f"{table.path}: {table.kind}{role}, {counted(len(table.rows), 'row')}")
     for path, unused in {
         (table.path, table.sheet): (table.path, table.unused) for table in found if table.unused
     }.values():
@@ -183,16 +184,20 @@ def _recognised(table: Path, *names: Sequence[str]) -> list[Found]:
     from mor.input_files import read_bytes
     from mor.project.recognition import read_tables
 
+    # No table begins as XML or JSON does.
+    is_table = not read_bytes(table)[:100].removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"<", b"{", b"[{"))
     try:
-        return read_tables(table, *names)
+        if is_table:
+            return read_tables(table, *names)
     except InputError:
-        key = format_of(table)
-        if key is None and read_bytes(table)[:100].lstrip().startswith((b"<", b"\xef\xbb\xbf<")):
-            raise InputError([Message(explain_unknown(table), str(table))]) from None
-        if key is None:
+        if (key := format_of(table)) is None:
             raise
+    else:
+        key = format_of(table)
+    words = explain_unknown(table)
+    if key is not None:
         words = f"this is no table but a file of {FORMATS[key].title}; mor convert or mor adjust reads it"
-        raise InputError([Message(words, str(table))]) from None
+    raise InputError([Message(words, str(table))]) from None
 
 
 def _has_content(path: Path, text: str) -> bool:

@@ -83,10 +83,13 @@ TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 CONTROL = re.compile(
     r"(?:gcp|gcps|(?:fix|fixed|known|given|held|(?:ground)?control|kesin|fest|bekannte|gegebene|datum)"
     r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
-    r"|gcp(?:s|id|name|label|no)|idgcp|control|festpunkte?|passpunkte?|(?:已知|控制|起算)\S*"
-    r"|(?:puntos|pontos|cotas|coordenadas)(?:fijos|fixos|decontrole?|con(?:oc|hec)id[oa]s))"
+    r"|gcp(?:s|id|name|label|no)|idgcp|control|festpunkte?|passpunkte?|(?:已知|控制|像控|起算|опорн)\S*"
+    r"|(?:puntos|pontos|points|punti|cotas|coordenadas)"
+    r"(?:fijos|fixos|(?:de)?control[eo]?|con(?:oc|hec)id[oa]s|(?:de?)?(?:apoyo|apoio|appui|appoggio|calage)))"
 )
 """Titles of lists of control points, and headings of their names."""
+HEIGHT = re.compile(r"height|hoehe|altitud|vertical|cota|quota|高程|水准")
+"""Words of lists of points that are known in height alone."""
 DERIVED = re.compile(
     "adjusted|reduced|corrected|computed|calculated|mean|average|result|ajustad|compensad|corregid|corrigid|calculad"
     "|reducid|reduzid|promedi|resultad|ausgeglichen|reduziert|gemittelt|mittel|berechnet|verbessert|ergebnis"

@@ -52,7 +52,7 @@ def headerless(path: Path, rows: Cells, line: int) -> HeaderlessError:
         if len(widths) > 1 and width not in told and (told or not kinds_of(named_columns(likely))):
             likely = ["-"] * width
         proposed.append(likely)
-    words = "expected a header with the names of the columns in the first line"
+    words = "this text has no rows: all lines are empty, or begin with # or %"
     if columns:
         words = f"expected a header with the names of the columns, which are {'; '.join(columns)}"
     titles = titles_of_sections(rows)

@@ -17,6 +17,7 @@ from mor.project.column_names import (
     ANGLES,
     DERIVED,
     EMPTY,
+    HEIGHT,
     KINDS,
     LINES,
     NAMES,
@@ -664,8 +665,10 @@ def told_apart(tables: Sequence[Found], is_free: bool = False) -> list[Found]:
     found = _with_horizontal_distances(found)
     is_single = len(images) == 1 and all(table.kind in ("image", "points") for table in found)
     in_images = any("x" in table.columns for table in lists) and bool(images) and not is_single
-    if is_free or any(table.is_control or table.has_sigma for table in lists) or in_images or not (new or is_single):
+    if is_free or any(table.is_control or table.has_sigma for table in lists) or not (points or images):
         return found
+    if in_images or not (new or is_single):
+        return [_with_role(table, in_images) if table.kind == "points" else table for table in found]
     words = f"taken as control: {counted(len(new), 'point')} of the measurements are not in it"
     if is_single:
         words = "taken as control: one image determines no point"
@@ -674,6 +677,24 @@ def told_apart(tables: Sequence[Found], is_free: bool = False) -> list[Found]:
         t._replace(is_control=True, notes=(*t.notes, words)) if t.kind == "points" and not is_computed else t
         for t, is_computed in zip(found, computed, strict=True)
     ]
+
+
+def _with_role(table: Found, in_images: bool) -> Found:
+    """Return a list of points as control if it is called so and images see it; a note says what it is taken for."""
+    parts = [word for name in (table.path.stem, table.sheet) for word in (name, *re.split(r"[\W_]+", name))]
+    names = [re.sub(r"\d", "", part) for part in parts]
+    is_called = any(is_control(name) or is_control(f"{name}points") for name in names if name)
+    if in_images and is_called and not any(HEIGHT.search(normalised(name)) for name in names):
+        words = (
+            "taken as control and held, as its name says; if its coordinates are known with a σ, write "
+            "values: {sigma: 5 mm} in place of fixed:"
+        )
+        return table._replace(is_control=True, notes=(*table.notes, words))
+    words = (
+        "taken as start values; for control points write fixed: [x, y, z], or values: {sigma: 5 mm}, below the name of "
+        "the file"
+    )
+    return table._replace(notes=(*table.notes, words))
 
 
 def _with_image_of_points(tables: Sequence[Found]) -> list[Found]:

@@ -600,7 +600,7 @@ def with_whole_angles(rows: Cells) -> Cells:
     for k, row in enumerate(rows[:TITLES]):
         names = [_bare_name(cell) for cell in row]
         for j in range(len(row) - 2):
-            if quadrant := quadrant_parts.match(" ".join(names[j:])):
+            if quadrant := quadrant_parts.match(" ".join(names[j : j + 5])):
                 end = j + len(quadrant[0].split())
                 bearings = (
                     f"{line[j]} {'-'.join(map(_whole, line[j + 1 : end - 1]))} {line[end - 1]}"

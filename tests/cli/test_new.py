@@ -40,7 +40,7 @@ def test_begun_from_image_points_and_control_alone(tmp_path: Path) -> None:
     assert run(["new", str(project), *tables, *options]) == 0
     assert run(["check", str(project), "--quiet"]) == 0
     text = project.read_text()
-    project.write_text(text.replace("file: control.csv", "file: control.csv\n    values: {sigma: 5 mm}"))
+    project.write_text(text.replace("fixed: [x, y, z]  # CHECK", "values: {sigma: 5 mm}"))
     assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
     truth = pl.read_csv(SAMPLES / "facade" / "truth" / "points.csv", schema_overrides={"id": pl.String})
     found = pl.read_csv(tmp_path / "r" / "points.csv", schema_overrides={"id": pl.String})
@@ -598,7 +598,8 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
             "expected a header with the names of the columns, which are 1: A, B; 2: B, C; 3: 3,5, 3,4; 4: 0.5; or give "
             "their names, as in mor new PROJECT t.csv --columns t.csv from,to,distance,sigma",
         ),
-        ("", "expected a header"),
+        ("", "t.csv:1: this text has no rows"),
+        ("# id,x,y\n# A,1,2\n", "t.csv:1: this text has no rows"),
     ],
 )
 def test_tables_nobody_knows(tmp_path: Path, content: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -788,6 +789,46 @@ def test_names_that_are_both_are_points(tmp_path: Path, capsys: pytest.CaptureFi
     tables = [str(tmp_path / name) for name in ("rays.csv", "control.csv")]
     assert run(["new", str(tmp_path / "p.yaml"), *tables]) == 0
     assert "control.csv: points, 2 rows" in capsys.readouterr().err
+
+
+RAYS = "image,point,x,y\nI1,P1,1,2\nI1,P2,3,1\nI2,P1,0,2\nI2,P2,2,1\n"
+
+
+@pytest.mark.parametrize("name", ["control", "gcp_2024", "Passpunkte", "points_fixed", "puntos_de_apoyo", "像控点"])
+def test_points_beside_images_that_are_called_control_are_held(
+    tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "rays.csv").write_text(RAYS)
+    (tmp_path / f"{name}.csv").write_text("id,x,y,z\nP1,0,0,9\n")
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project), str(tmp_path / "rays.csv"), str(tmp_path / f"{name}.csv")]) == 0
+    assert f"{name}.csv: taken as control and held, as its name says" in capsys.readouterr().err
+    assert read_document(project).data["points"][0]["fixed"] == ["x", "y", "z"]
+
+
+def test_points_beside_images_are_start_values_unless_something_says_control(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rays, points = tmp_path / "rays.csv", tmp_path / "targets.csv"
+    rays.write_text(RAYS)
+    points.write_text("id,x,y,z\nP1,0,0,9\n")
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project), str(rays), str(points)]) == 0
+    assert "targets.csv: taken as start values; for control points write fixed: [x, y, z]" in capsys.readouterr().err
+    assert "fixed" not in read_document(project).data["points"][0]
+    points.write_text("id,x,y,z,sx,sy,sz\nP1,0,0,9,1,1,1\n")
+    assert run(["new", str(project), str(rays), str(points), "--force"]) == 0
+    said = capsys.readouterr().err
+    assert "targets.csv: points, those with σ as control, 1 row" in said
+    assert "taken as start values" not in said
+
+
+def test_json_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A long line of JSON is not read as a header."""
+    path = tmp_path / "t.json"
+    path.write_text('[{"points": [' + ",".join(['"a", 1'] * 300_000) + "]}]")
+    assert run(["new", str(tmp_path / "p.yaml"), str(path)]) == 2
+    assert "t.json: this is JSON, in no format that is read" in capsys.readouterr().err
 
 
 def test_german_messages_keep_the_names_of_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
