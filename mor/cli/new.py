@@ -94,6 +94,7 @@ def command(
     """
     from mor.formats.exif import SUFFIXES
     from mor.output_files import write_files
+    from mor.project.column_names import SIGMAS
     from mor.project.level_books import levelled
     from mor.project.new_project import CameraSettings, begin, begin_test
     from mor.project.recognition import told_apart
@@ -145,6 +146,8 @@ def command(
         rest = [name for name, rows in read_sheets(path).items() if rows and name not in used]
         if rest:
             tell(f"note: {path}: sheets not used: {', '.join(rest)}")
+    if tables and not any(table.kind in SIGMAS for table in found):
+        tell("note: no table has measurements: give one, or add them under observations:")
     tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
 
 
@@ -188,7 +191,12 @@ def _recognised(table: Path, *names: Sequence[str]) -> list[Found]:
     is_table = not read_bytes(table)[:100].removeprefix(b"\xef\xbb\xbf").lstrip().startswith((b"<", b"{", b"[{"))
     try:
         if is_table:
-            return read_tables(table, *names)
+            found = read_tables(table, *names)
+            if not any(own.rows for own in found):
+                kinds = ", ".join(dict.fromkeys(own.kind for own in found))
+                words = f"there are no rows below the header of this table ({kinds})"
+                raise InputError([Message(words, str(table))])
+            return found
     except InputError:
         if (key := format_of(table)) is None:
             raise

@@ -690,9 +690,10 @@ def _with_role(table: Found, in_images: bool) -> Found:
             "values: {sigma: 5 mm} in place of fixed:"
         )
         return table._replace(is_control=True, notes=(*table.notes, words))
+    axes = ", ".join(axis for axis in "xyz" if axis in table.columns)
     words = (
-        "taken as start values; for control points write fixed: [x, y, z], or values: {sigma: 5 mm}, below the name of "
-        "the file"
+        f"taken as start values; for control points write fixed: [{axes}] or values: {{sigma: 5 mm}} below the name of "
+        "the file, for a free network datum: free"
     )
     return table._replace(notes=(*table.notes, words))
 

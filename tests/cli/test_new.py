@@ -823,6 +823,21 @@ def test_points_beside_images_are_start_values_unless_something_says_control(
     assert "taken as start values" not in said
 
 
+@pytest.mark.parametrize(
+    ("content", "code", "words"),
+    [
+        ("from,to,distance\n", 2, "t.csv: there are no rows below the header of this table (distance)"),
+        ("id,x,y\nA,1,2\n", 0, "note: no table has measurements: give one, or add them under observations:"),
+    ],
+)
+def test_tables_without_measurements(
+    tmp_path: Path, content: str, code: int, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "t.csv").write_text(content)
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == code
+    assert words in capsys.readouterr().err
+
+
 def test_json_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A long line of JSON is not read as a header."""
     path = tmp_path / "t.json"
