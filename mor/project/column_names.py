@@ -24,7 +24,8 @@ def _names(said: Any) -> list[str]:
     """Names as ``column_names.yaml`` lists them."""
     if isinstance(said, dict):
         if "sigma_of" in said:
-            words, own = ("sigma", "sig", "std", "stdev", "stddev", "sd", "err", "error"), _names(said["sigma_of"])
+            words = ["sigma", "sig", "std", "stdev", "stddev", "sd", "err", "error", "stdabw", "ско", "中误差"]
+            own = _names(said["sigma_of"])
             both = [text for name, word in product(own, words) for text in (f"{word}{name}", f"{name}{word}")]
             return [*both, *(f"s{name}" for name in own)]
         left_out = said.get("without", "").split()
@@ -82,7 +83,7 @@ TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
 CONTROL = re.compile(
     r"(?:gcp|gcps|(?:fix|fixed|known|given|held|(?:ground)?control|kesin|fest|bekannte|gegebene|datum)"
-    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
+    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|(?:koordinat|yuekseklik|nokta)(?:lar|ler)?)"
     r"|gcp(?:s|id|name|label|no)|idgcp|control|festpunkte?|passpunkte?|(?:已知|控制|像控|起算|опорн)\S*"
     r"|(?:puntos|pontos|points|punti|cotas|coordenadas)"
     r"(?:fijos|fixos|(?:de)?control[eo]?|con(?:oc|hec)id[oa]s|(?:de?)?(?:apoyo|apoio|appui|appoggio|calage)))"

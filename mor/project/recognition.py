@@ -417,17 +417,24 @@ def _tables(path: Path, rows: Cells, cells: _File, lines: tuple[int, ...], state
     if "image" in full and "points" in full:
         place = header.index(kinds["points"]["id"])
         full["points"] = tuple({cell_at(row, place): row for row in reversed(body)}.values())[::-1]
-    repeated = 0
+    repeated, bare = 0, sum(row not in kept for row in body)
     for kind in full:
         if kind.startswith("points") and len(kinds) == 1:
             used_places = [header.index(cell) for cell in kinds[kind].values()]
+            named_place = header.index(kinds[kind]["id"])
             by_content = dict[tuple[str, ...], tuple[str, ...]]()
             filled = [row for row in full[kind] if any(cell_at(row, k) for k in used_places)]
+            # A row with neither a name nor a number is no point.
+            is_told = [
+                bool(cell_at(row, named_place)) or any(_DIGIT.match(cell_at(row, k)) for k in used_places)
+                for row in filled
+            ]
+            bare += is_told.count(False)
+            filled = [row for row, is_point in zip(filled, is_told, strict=True) if is_point]
             for row in filled:
                 by_content.setdefault(tuple(cell_at(row, k) for k in used_places), row)
             full[kind] = tuple(by_content.values())
             repeated = len(filled) - len(by_content)
-    bare = sum(row not in kept for row in body)
     notes: tuple[str, ...] = (f"{NO_READING}: {counted(bare, 'row')}",) if bare else ()
     notes += (f"points given twice alike: {counted(repeated, 'row')}",) if repeated else ()
     notes += (f"rows without a target: {counted(nameless, 'row')}",) if nameless else ()

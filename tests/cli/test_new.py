@@ -791,6 +791,28 @@ def test_names_that_are_both_are_points(tmp_path: Path, capsys: pytest.CaptureFi
     assert "control.csv: points, 2 rows" in capsys.readouterr().err
 
 
+def test_standard_deviations_of_vectors_in_chinese(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("起点,终点,DX(m),DY(m),DZ(m),中误差_DX(mm),中误差_DY(mm),中误差_DZ(mm)\nA,B,1,2,3,8.1,11,13.7\n")
+    (table,) = recognise(path)
+    assert (table.kind, table.columns["sigma_dy"], table.units["sigma_dy"]) == ("vector", "中误差_DY(mm)", "mm")
+
+
+@pytest.mark.parametrize("names", ["imagem,ponto,coluna,linha", "image,point,colonne,ligne", "像片,点号,列,行"])
+def test_columns_and_rows_of_pixels(tmp_path: Path, names: str) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text(f"{names}\nI1,P1,3012.5,1999.1\n")
+    (table,) = recognise(path)
+    assert (table.kind, table.numbers("x"), table.numbers("y")) == ("image", [3012.5], [1999.1])
+
+
+def test_rows_of_points_with_neither_name_nor_number(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("id,x,y,z\nA,1,2,3\nB,4,5,6\n,,,+\n,7,8,9\n")
+    (table,) = recognise(path)
+    assert (table.texts("id"), table.notes) == (["A", "B", ""], ("rows without readings: 1 row",))
+
+
 RAYS = "image,point,x,y\nI1,P1,1,2\nI1,P2,3,1\nI2,P1,0,2\nI2,P2,2,1\n"
 
 
