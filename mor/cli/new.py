@@ -129,13 +129,15 @@ def command(
         texts[schema] = project_schema()
     write_files(texts, force, makes_folders=True)
     for table in found:
-        role = ", those with σ as control" if table.kind == "points" and table.has_sigma else ""
-        tell(f"{table.path}: {table.kind}{role}, {counted(len(table.rows), 'row')}")
+        tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     for path, unused in {
         (table.path, table.sheet): (table.path, table.unused) for table in found if table.unused
     }.values():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
-    for note in dict.fromkeys(Message(words, str(table.path)) for table in found for words in table.notes):
+    notes = [Message(words, str(table.path)) for table in found for words in table.notes]
+    with_sigma = [table.path for table in found if table.kind == "points" and table.has_sigma]
+    notes += [Message("coordinates with a σ are taken as control, with that σ", str(own)) for own in with_sigma]
+    for note in dict.fromkeys(notes):
         tell_note(note)
     for path, copy in dict.fromkeys((table.path, table.copy(project)) for table in found if table.tidied):
         tell(

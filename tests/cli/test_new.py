@@ -841,7 +841,7 @@ def test_points_beside_images_are_start_values_unless_something_says_control(
     points.write_text("id,x,y,z,sx,sy,sz\nP1,0,0,9,1,1,1\n")
     assert run(["new", str(project), str(rays), str(points), "--force"]) == 0
     said = capsys.readouterr().err
-    assert "targets.csv: points, those with σ as control, 1 row" in said
+    assert "targets.csv: coordinates with a σ are taken as control, with that σ" in said
     assert "taken as start values" not in said
 
 
