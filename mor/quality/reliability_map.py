@@ -255,7 +255,8 @@ class _Table(NamedTuple):
         """One row for each place that does not see the target, the most complete one, in ascending order."""
         group, rows, slot = self.group, self.rows, _target_slot(self.group)
         standpoint = group.references[0].numbers
-        usable = ~np.isin(standpoint[rows], standpoint[(group.blocks[slot] == target) & group.used.any(axis=1)])
+        seeing = np.flatnonzero(group.blocks[slot] == target)
+        usable = ~np.isin(standpoint[rows], standpoint[seeing[some_rows(group, seeing).used.any(axis=1)]])
         for k, other in enumerate(group.type.slots):
             if other.kind == "point" and k != slot:
                 usable &= group.blocks[k][rows] != target

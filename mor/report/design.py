@@ -34,7 +34,7 @@ from mor.quality.singularity import enumerated
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
-from mor.report.estimates import free_rows, image_table, point_table, rms_sigma, station_table
+from mor.report.estimates import image_table, point_summary, point_table, station_table
 from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
 from mor.report.layout import DIGITS, cells, heading, paragraphs, round_length, short, sigma_decimals, small_unit, table
@@ -513,7 +513,7 @@ def variant_row(name: str, solved: Solved, judged: Sequence[RequirementResult]) 
         return row
     known = [float(np.nanmin(one.r)) for one in quality.groups if np.isfinite(one.r).any()]
     row["smallest_r"] = min(known) if known else None
-    sigma = rms_sigma(free_rows(point_table(solved)))
+    sigma = point_summary(solved).rms
     return row | {f"rms_s{axis}": value for axis, value in zip("xyz", sigma, strict=True)}
 
 

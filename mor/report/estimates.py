@@ -250,28 +250,23 @@ SHOWN_POINTS = 2000
 @once
 def point_summary(solved: Solved) -> PointSummary:
     """Summary of the points."""
-    tables = points_in_pieces(solved) if has_many_points(solved) else iter([point_table(solved)])
-    shown: list[pl.DataFrame] = []
-    sigmas: list[pl.DataFrame] = []
-    weakest: list[dict[str, Any]] = []
-    for table in tables:
-        shown.append(table.head(0 if shown else SHOWN_POINTS))
-        free = free_rows(table)
-        sigmas.append(free.select("sx", "sy", "sz"))
-        weakest += free[[free["ellipsoid_a"].arg_max() or 0]].to_dicts() if free.height else []
-    worst = max(weakest, key=lambda row: row["ellipsoid_a"] or 0.0, default=None)
-    return PointSummary(shown[0], rms_sigma(pl.concat(sigmas)), worst)
-
-
-def free_rows(points: pl.DataFrame) -> pl.DataFrame:
-    """Rows of the table of points that have unknown coordinates."""
-    return points.filter(points["status"].is_in(["free", "partly fixed"]))
-
-
-def rms_sigma(free: pl.DataFrame) -> list[float | None]:
-    """Root mean squares of σ of x, y, z over points with unknown coordinates; nothing where none has a σ."""
-    sigmas = [free[f"s{axis}"].cast(pl.Float64).drop_nulls().to_numpy() for axis in "xyz"]
-    return [float(np.sqrt(np.mean(sigma**2))) if len(sigma) else None for sigma in sigmas]
+    network, quality = solved.network, solved.quality
+    numbers = network.things["point"].parts["position"]
+    unknown: BoolArray = np.asarray(network.blocks["point"].free[numbers].any(axis=1))
+    if "point" in network.absent:
+        unknown[network.absent["point"][numbers] | np.isin(numbers, list(network.directions))] = False
+    rows = np.flatnonzero(unknown)
+    parts = (points(solved, numbers[rows[some]]).sigma for some in pieces(len(rows), ROWS_AT_A_TIME))
+    sigma = np.concatenate([np.zeros((0, 3)), *parts])
+    known = [column[~np.isnan(column)] for column in sigma.T]
+    rms = [float(np.sqrt(np.mean(column**2))) if len(column) else None for column in known]
+    longest = np.zeros(len(rows)) if quality is None else quality.longest_axes[numbers[rows]]
+    weakest = None
+    if len(rows):
+        row = int(rows[np.argmax(longest)])
+        (weakest,) = _rows_of_points(solved, slice(row, row + 1), _observations_of_points(solved)).to_dicts()
+    shown = _rows_of_points(solved, slice(SHOWN_POINTS), _observations_of_points(solved))
+    return PointSummary(shown, rms, weakest)
 
 
 def reference_table(solved: Solved) -> pl.DataFrame:
