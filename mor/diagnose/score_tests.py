@@ -164,7 +164,7 @@ def _explaining(
         before, after, rows = 0.0, 0.0, 0
         for number, own, change in one.parts:
             group = problem.groups[number]
-            used = group.used[own]
+            used = group.used_among(own)
             plain, sigma = misclosures(group, values, own), group.sigma[own]
             before += float(np.sum(((plain / sigma)[used]) ** 2))
             after += float(np.sum((((plain - change[:, :, 0]) / sigma)[used]) ** 2))

@@ -318,6 +318,11 @@ class ObservationGroup:
         """(n, m) true where there is an observation that takes part in the adjustment."""
         return self.mask & ~self.left_out
 
+    def used_among(self, rows: IntArray | slice) -> BoolArray:
+        """(k, m) of some rows, true where there is an observation that takes part in the adjustment."""
+        seen = np.isfinite(self.observed[rows])
+        return seen if self.excluded is None else seen & ~self.excluded[rows]
+
     @property
     def given_sigma(self) -> FloatArray:
         """(n, m) standard deviations, those of excluded entries as they were before they were excluded."""

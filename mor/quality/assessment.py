@@ -266,7 +266,7 @@ def sigma_of_geometry(quality: Quality) -> float:
         rows: IntArray = np.unique(np.linspace(0, group.count - 1, 500).astype(np.int64))  # a sample
         jacobians = evaluated(group, adjustment.values, rows).jacobians
         change = size * np.sqrt(sum(np.sum(jacobians[k] ** 2, axis=2) for k in slots))
-        told = group.used[rows] & (change > 0.0)
+        told = group.used_among(rows) & (change > 0.0)
         relative.append(group.sigma[rows][told] / change[told])
     typical = np.median(np.concatenate(relative)) if relative else 0.0
     return float(min(1.0, max(quality.sigma0, 1e-3 / typical if typical > 0.0 else 1.0)))

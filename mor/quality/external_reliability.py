@@ -434,7 +434,7 @@ def _largest(tests: Reliability, group: ObservationGroup, wanted: int) -> list[t
     """Places of the largest test values of a group, and those as they are compared; equal ones in their order."""
 
     def of_rows(rows: slice) -> FloatArray:
-        return np.where(group.left_out[rows], 0.0, np.nan_to_num(np.abs(tests.at(rows).test)))
+        return np.where(group.used_among(rows), np.nan_to_num(np.abs(tests.at(rows).test)), 0.0)
 
     places, sizes = largest_entries(group.observed.shape, of_rows, wanted)
     compared = comparable(sizes)

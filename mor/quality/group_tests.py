@@ -156,7 +156,7 @@ def rows_of(partition: Partition, one: int, groups: tuple[ObservationGroup, ...]
     for number, group in enumerate(groups):
         inside = np.zeros(group.observed.shape, dtype=bool)
         rows = partition.members(number, one)
-        inside[rows] = group.used[rows]
+        inside[rows] = group.used_among(rows)
         found.append(inside)
     return found
 

@@ -256,7 +256,7 @@ class _Table(NamedTuple):
         group, rows, slot = self.group, self.rows, _target_slot(self.group)
         standpoint = group.references[0].numbers
         seeing = np.flatnonzero(group.blocks[slot] == target)
-        usable = ~np.isin(standpoint[rows], standpoint[seeing[some_rows(group, seeing).used.any(axis=1)]])
+        usable = ~np.isin(standpoint[rows], standpoint[seeing[group.used_among(seeing).any(axis=1)]])
         for k, other in enumerate(group.type.slots):
             if other.kind == "point" and k != slot:
                 usable &= group.blocks[k][rows] != target

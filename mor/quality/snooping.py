@@ -104,7 +104,7 @@ def flagged_rows(quality: Quality) -> list[FlaggedRows]:
         rows = np.flatnonzero(flags.any(axis=1))
         if not len(rows):
             continue
-        active: BoolArray = group.mask[rows] & ~group.left_out[rows]
+        active = group.used_among(rows)
         one = quality.groups[number].at(rows)
         free = np.where(active, one.freedom, -np.inf).max(axis=1)
         together = is_image_point(group.type) & (free >= np.count_nonzero(active, axis=1))

@@ -324,7 +324,7 @@ def _control(solved: Solved) -> dict[str, dict[str, FloatArray]]:
         owners = list(owners_of_rows(solved, group))
         for first in range(0, group.count if owners else 0, ROWS_AT_A_TIME):
             rows = slice(first, first + ROWS_AT_A_TIME)
-            active: BoolArray = group.mask[rows] & ~group.left_out[rows]
+            active = group.used_among(rows)
             r = np.where(active, np.nan_to_num(one.at(rows).r), 0.0).sum(axis=1)
             size = np.where(active, np.nan_to_num(np.abs(tests.at(rows).test)), 0.0).max(axis=1, initial=0.0)
             for key, blocks in owners:

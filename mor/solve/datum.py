@@ -490,7 +490,7 @@ def _normals(
         for start in range(0, len(rows), rows_at_a_time):
             part = rows[start : start + rows_at_a_time]
             found = linearise(group, problem.index, values, tangent, part)
-            jacobian = found.jacobian / np.where(group.mask[part], group.sigma[part], 1.0)[:, :, None]
+            jacobian = found.jacobian / np.where(np.isfinite(group.observed[part]), group.sigma[part], 1.0)[:, :, None]
             # Add the products of columns (n, K) that belong to one body.
             body = body_of[found.columns]
             place = place_of[found.columns]

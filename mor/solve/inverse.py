@@ -345,7 +345,7 @@ def _weighted(problem: Problem, values: Values) -> Iterator[tuple[FloatArray, Fl
         for start in range(0, group.count, rows_at_a_time):
             rows = np.arange(start, min(start + rows_at_a_time, group.count))
             found = linearise(group, problem.index, values, tangent, rows)
-            counts = group.mask[rows] & ~group.left_out[rows]
+            counts = group.used_among(rows)
             counts &= np.isfinite(found.jacobian).all(axis=2) & np.isfinite(found.misclosure)
             with np.errstate(divide="ignore", invalid="ignore"):
                 weight = np.where(counts, 1.0 / group.sigma[rows], 0.0)

@@ -419,7 +419,7 @@ def undefined_rows(group: ObservationGroup, index: Index, values: Values) -> Int
         for first in range(0, group.count, rows_at_a_time):
             piece = slice(first, first + rows_at_a_time)
             rows = linearise(group, index, values, tangent, piece)
-            weight = np.where(group.mask[piece], group.sigma[piece], 1.0) ** -2
+            weight = np.where(np.isfinite(group.observed[piece]), group.sigma[piece], 1.0) ** -2
             sums = weight * (rows.misclosure**2 + (rows.jacobian**2).sum(axis=2))
             good = np.isfinite(sums).all(axis=1)
             found.append(first + np.flatnonzero(~good))
