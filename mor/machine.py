@@ -46,7 +46,7 @@ def processors_used(count: int) -> Iterator[None]:
 
 
 def worked_ahead(things: Iterable[Thing], work: Callable[[Thing], Made]) -> Iterator[Made]:
-    """What the work makes of each thing, in order; as many are worked on at a time as there are processors."""
+    """Yield the result of the work for each thing, in order, with a thread for each processor."""
     workers = processors()
     waiting: deque[Future[Made]] = deque()
     with ThreadPoolExecutor(workers) as pool:

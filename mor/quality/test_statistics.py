@@ -48,9 +48,9 @@ def in_pieces(shape: tuple[int, ...], work: Callable[[slice], Found]) -> Found:
 def largest_entries(
     shape: tuple[int, int], work: Callable[[slice], FloatArray], count: int
 ) -> tuple[IntArray, FloatArray]:
-    """Places (k,) in the flat array (n, m) that the work finds, and sizes, of the ``count`` largest and all like them.
+    """Places (k,) and sizes of the ``count`` largest entries of an array (n, m), and of all like them.
 
-    Those are alike that :func:`comparable` makes the same number.
+    The work finds some rows of it. Entries are alike if :func:`comparable` makes them the same number.
     """
     places, sizes = np.zeros(0, dtype=np.int64), np.zeros(0)
     for rows in pieces(shape[0], ROWS_AT_A_TIME):

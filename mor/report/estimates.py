@@ -196,11 +196,6 @@ def points_in_pieces(solved: Solved) -> Iterator[pl.DataFrame]:
     return worked_ahead(rows, lambda some: _rows_of_points(solved, some, seen))
 
 
-def empty_point_table(solved: Solved) -> pl.DataFrame:
-    """The table of points without rows."""
-    return _rows_of_points(solved, slice(0), _observations_of_points(solved))
-
-
 def _rows_of_points(solved: Solved, some: slice, seen: tuple[IntArray, IntArray]) -> pl.DataFrame:
     things, network = solved.network.things["point"], solved.network
     numbers = things.parts["position"][some]
@@ -233,7 +228,7 @@ def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
 
 
 class PointSummary(NamedTuple):
-    """What reports say of all points together."""
+    """Summary of all points for the reports."""
 
     shown: pl.DataFrame
     """The first rows of the table."""
@@ -249,7 +244,7 @@ SHOWN_POINTS = 2000
 
 @once
 def point_summary(solved: Solved) -> PointSummary:
-    """Summary of the points."""
+    """Work the summary out from arrays, without the table of points."""
     network, quality = solved.network, solved.quality
     numbers = network.things["point"].parts["position"]
     unknown: BoolArray = np.asarray(network.blocks["point"].free[numbers].any(axis=1))
@@ -261,12 +256,11 @@ def point_summary(solved: Solved) -> PointSummary:
     known = [column[~np.isnan(column)] for column in sigma.T]
     rms = [float(np.sqrt(np.mean(column**2))) if len(column) else None for column in known]
     longest = np.zeros(len(rows)) if quality is None else quality.longest_axes[numbers[rows]]
-    weakest = None
+    weakest, seen = None, _observations_of_points(solved)
     if len(rows):
         row = int(rows[np.argmax(longest)])
-        (weakest,) = _rows_of_points(solved, slice(row, row + 1), _observations_of_points(solved)).to_dicts()
-    shown = _rows_of_points(solved, slice(SHOWN_POINTS), _observations_of_points(solved))
-    return PointSummary(shown, rms, weakest)
+        (weakest,) = _rows_of_points(solved, slice(row, row + 1), seen).to_dicts()
+    return PointSummary(_rows_of_points(solved, slice(SHOWN_POINTS), seen), rms, weakest)
 
 
 def reference_table(solved: Solved) -> pl.DataFrame:

@@ -189,14 +189,14 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
             yield piece
             done(piece.height)
 
-    return (lambda path: _write_parquet(pieces(), SCHEMA, path)) if kind == "parquet" else csv
+    return (lambda path: _write_parquet(pieces, SCHEMA, path)) if kind == "parquet" else csv
 
 
-def _write_parquet(pieces: Iterator[pl.DataFrame], schema: Mapping[str, Any], path: Path) -> None:
+def _write_parquet(pieces: Callable[[], Iterator[pl.DataFrame]], schema: Mapping[str, Any], path: Path) -> None:
     def source(
         columns: list[str] | None, predicate: pl.Expr | None, rows: int | None, batch: int | None
     ) -> Iterator[pl.DataFrame]:
-        return pieces
+        return pieces()
 
     whole = register_io_source(source, schema=schema)
     whole.sink_parquet(path, compression_level=_LEVEL, row_group_size=_TABLES_FILES_ROWS_TOGETHER)
@@ -209,7 +209,8 @@ def point_writer(solved: Solved, kind: Format) -> Writer:
         if not estimates.has_many_points(solved):
             table_writer(estimates.point_table(solved), kind)(path)
         elif kind == "parquet":
-            _write_parquet(estimates.points_in_pieces(solved), estimates.empty_point_table(solved).schema, path)
+            schema = estimates.point_summary(solved).shown.schema
+            _write_parquet(lambda: estimates.points_in_pieces(solved), schema, path)
         else:
             with path.open("wb") as file:
                 for number, piece in enumerate(estimates.points_in_pieces(solved)):

@@ -256,7 +256,7 @@ def test_of_very_many_observations_the_long_table_is_written_by_itself(
 def test_order_of_writing_changes_no_byte(
     solved: Solved, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Of very many observations the reports come before the long table, else they are made beside it."""
+    """The reports of a very large network come before the long table; those of others are made beside it."""
     document, choice, written = read_document(project), Choice(tables="all", html=False), []
     for most in (2_000_000, 0):
         monkeypatch.setattr("mor.report.results.MOST_LISTED", most)
