@@ -11,7 +11,15 @@ import pytest
 from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Quality, assess
 from mor.quality.external_reliability import ObservationComponent, carried_points, point_movements
-from mor.quality.reliability_map import CandidateObservation, aimed_at, best_further, detectable, uncontrolled
+from mor.quality.redundancy import OF_IMAGES
+from mor.quality.reliability_map import (
+    CandidateObservation,
+    _table,
+    aimed_at,
+    best_further,
+    detectable,
+    uncontrolled,
+)
 from mor.quality.solution import Solved
 from mor.solve.iterate import adjust
 from mor.solve.problem import Problem, misclosures
@@ -177,3 +185,24 @@ def test_points_are_carried_by_more_than_half_of_their_variance() -> None:
             if len(free) and x[free] @ np.linalg.solve(Q[np.ix_(free, free)], x[free]) > 0.5:
                 found.append(block)
         assert set(found) == set(carried.tolist())
+
+
+def test_each_place_is_represented_by_its_most_complete_row() -> None:
+    problem, random = solved_sample("stereo_rig").adjustment.problem, np.random.default_rng(7)
+    checked = 0
+    for number, group in enumerate(problem.groups):
+        if group.type.key not in OF_IMAGES:
+            continue
+        observed = np.where(random.random(group.observed.shape) < 0.4, np.nan, group.observed)
+        group = replace(group, observed=observed, excluded=random.random(observed.shape) < 0.2)
+        table, place = _table(number, group), group.references[0].numbers
+        for target in np.unique(group.blocks[-1])[:20].tolist():
+            seen = set(place[(group.blocks[-1] == target) & group.used.any(axis=1)].tolist())
+            best: dict[int, int] = {}
+            for row in np.flatnonzero(group.used.any(axis=1)).tolist():
+                own = int(place[row])
+                if own not in best or group.mask[row].sum() > group.mask[best[own]].sum():
+                    best[own] = row
+            assert table.places_without(target).tolist() == sorted(best[own] for own in best.keys() - seen)
+            checked += len(best.keys() - seen)
+    assert checked
